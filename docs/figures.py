@@ -35,7 +35,7 @@ from rso_lidar.detector.stages.crossing_rate import false_alarm_rate, rice_rate
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.mission_analysis import fly_open_loop
-from rso_lidar.picture import colour_maps, figures, nice_down, palette
+from rso_lidar.picture import colour_maps, figures, palette
 from rso_lidar.picture.style.output import save_small_figure
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Photons, Waveforms
@@ -847,7 +847,7 @@ def models() -> Any:
         axes.imshow(image, interpolation="none")
         axes.set_axis_off()
         axes.set_title(name, fontsize=figures.TEXT_PT, color=palette.INK, pad=2)
-        bar_m = nice_down(0.35 * width_m)
+        bar_m = figures.round_down(0.35 * width_m)
         wide, high = SHAPE_PIXELS
         axes.set_ylim(high + 26, 0)  # the bar stands below the picture: a craft may reach into every corner of that
         foot = high + 22

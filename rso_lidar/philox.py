@@ -65,13 +65,7 @@ def fill_row(key: np.ndarray, row: int, pixel: int, stage: int, words: np.ndarra
 
 @kernel
 def _block(k0: Any, k1: Any, c0: Any, c1: Any, c2: Any, c3: Any) -> Any:
-    """Return the four words of a counter; every value is 32 bits held as uint64.
-
-    Parameters
-    ----------
-    k0, k1 : the key.
-    c0, c1, c2, c3 : the counter.
-    """
+    """Return the four words of a counter; every value is 32 bits held as uint64."""
     for _ in range(_ROUNDS):
         c0, c1, c2, c3 = _turn(c0, c1, c2, c3, k0, k1)
         k0, k1 = (k0 + _WEYL_0) & _LOW, (k1 + _WEYL_1) & _LOW
@@ -80,12 +74,6 @@ def _block(k0: Any, k1: Any, c0: Any, c1: Any, c2: Any, c3: Any) -> Any:
 
 @kernel
 def _turn(c0: Any, c1: Any, c2: Any, c3: Any, k0: Any, k1: Any) -> Any:
-    """Return a counter after one round.
-
-    Parameters
-    ----------
-    c0, c1, c2, c3 : the counter before.
-    k0, k1 : the key of the round.
-    """
+    """Return a counter after one round."""
     p0, p1 = c0 * _FACTOR_0, c2 * _FACTOR_1
     return (p1 >> _HALF) ^ c1 ^ k0, p1 & _LOW, (p0 >> _HALF) ^ c3 ^ k1, p0 & _LOW

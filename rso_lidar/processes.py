@@ -202,7 +202,6 @@ def _refuse(problem: str, *_given: Any, **_chosen: Any) -> Any:
 
     Parameters
     ----------
-    problem : what is wrong with it.
     _given, _chosen : arguments of that function, not used.
 
     Raises

@@ -84,6 +84,15 @@ def photon_energy_j(wavelength_m: float) -> float:
     return PLANCK_J_S * SPEED_OF_LIGHT_M_S / wavelength_m
 
 
+def format_count(count: float, noun: str) -> str:
+    """Format a number of things.
+
+    >>> format_count(1, "facet"), format_count(2000, "facet"), format_count(0.5, "day")
+    ('1 facet', '2,000 facets', '0.5 days')
+    """
+    return f"{count:,.10g} {noun}{'s' * (count != 1)}"
+
+
 # Light goes out and comes back: multiply a delay by this to have a range, divide a range by it to have a delay.
 RANGE_PER_DELAY_M_S = 0.5 * SPEED_OF_LIGHT_M_S
 

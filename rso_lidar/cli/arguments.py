@@ -135,7 +135,6 @@ def choose_scheduler(engine: str, scheduler: str | None, error: type[RsoLidarErr
 
     Parameters
     ----------
-    engine, scheduler : values of --engine and --scheduler
     error : raised for values that do not fit
     """
     if engine not in ("pool", "dask"):

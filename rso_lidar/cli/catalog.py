@@ -15,8 +15,8 @@ from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence, read_element_sets
-from rso_lidar.scene import format_count
 from rso_lidar.study import estimate_set_errors
+from rso_lidar.units import format_count
 
 _FIRST = 10  # problems shown without --problems
 
@@ -122,10 +122,6 @@ def _parse_numbers(words: Sequence[str]) -> list[int]:
 def _check_known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
     """Check that catalogue numbers are in a file, and not in bad records only.
 
-    Parameters
-    ----------
-    whole, file : the catalogue, and its file for the message
-
     Raises
     ------
     CatalogError
@@ -199,12 +195,7 @@ def _describe_jumps(sets: Sequence[ElementSet]) -> list[str]:
 
 
 def _summarise(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
-    """Summarise a file and the selection from it in one line.
-
-    Parameters
-    ----------
-    file, whole, chosen : the file, its catalogue, and the selected sets
-    """
+    """Summarise a file and the selection from it in one line."""
     left = "" if len(chosen) == len(whole) else f" ({len(chosen):,} of them requested)"
     return (
         f"{file.name}: {format_count(len(whole), 'good element set')}{left}, {format_count(count, 'object')}; "

@@ -8,15 +8,13 @@ import typer
 from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.dataset import (
-    COMPARISON_LEVEL,
-    SCORE_CONFIDENCE,
-    SCORE_REPLICATES,
     Dataset,
-    check_report_output,
+    Scorecard,
+    check_score_report,
     compare,
     format_comparison,
-    format_table,
-    save_report,
+    format_scores,
+    save_score_report,
 )
 from rso_lidar.dataset import score as score_files
 from rso_lidar.errors import DatasetError
@@ -53,10 +51,10 @@ def score(
     ] = None,
     level: Annotated[
         float, typer.Option("--level", metavar="P", help="Probability of any wrong 'worse' in a comparison.")
-    ] = COMPARISON_LEVEL,
+    ] = 0.05,
     confidence: Annotated[
         float, typer.Option("--confidence", metavar="P", help="Confidence level of the intervals.")
-    ] = SCORE_CONFIDENCE,
+    ] = Scorecard.confidence,
     min_lit_pixels: Annotated[
         int,
         typer.Option(
@@ -67,7 +65,7 @@ def score(
     ] = 1,
     replicates: Annotated[
         int, typer.Option("--replicates", min=100, max=100_000, help="Draws of the bootstrap over encounters.")
-    ] = SCORE_REPLICATES,
+    ] = Scorecard.replicates,
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -82,7 +80,7 @@ def score(
     margins = dict(_parse_margin(text) for text in margin or ())
     if margins and not against:
         raise DatasetError("--margin: compares with nothing; give --against OLD, or leave it out")
-    places = [check_report_output(place, overwrite=overwrite) for place in output or ()]
+    places = [check_score_report(place, overwrite=overwrite) for place in output or ()]
     scheme = choose_scheme(dark, places)
     opened = Dataset(dataset)
     options = {"min_lit_pixels": min_lit_pixels, "replicates": replicates, "confidence": confidence}
@@ -90,14 +88,14 @@ def score(
     comparison = None
     if against:
         comparison = compare(card, score_files(against, opened, split, **options), margins, level)  # type: ignore[arg-type]
-    for line in format_table(card):
+    for line in format_scores(card):
         echo(line)
     if comparison is not None:
         echo()
         for line in format_comparison(comparison):
             echo(line)
     for place in places:
-        for path in save_report(card, place, comparison, scheme):
+        for path in save_score_report(card, place, comparison, scheme, overwrite=overwrite):
             echo(path)
     if comparison is not None and comparison.is_worse:
         raise typer.Exit(1)

@@ -16,7 +16,6 @@ def follow_recording(recording: Path, every_s: float, timeout_s: float | None) -
 
     Parameters
     ----------
-    recording : path, final or temporary
     every_s : time between two lines [s]
     timeout_s : greatest time to wait [s]
     """

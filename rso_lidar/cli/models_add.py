@@ -105,7 +105,6 @@ def _check_word(option: str, value: str | None, words: object) -> str | None:
 
     Parameters
     ----------
-    option, value : name and value of the option.
     words : the `Literal` of allowed values.
     """
     known = get_args(words)
@@ -115,13 +114,7 @@ def _check_word(option: str, value: str | None, words: object) -> str | None:
 
 
 def _parse_pairs(option: str, value: str, example: str, texts: list[str]) -> dict[str, str]:
-    """Return the values of an option that is given once for each part, by part.
-
-    Parameters
-    ----------
-    option, value, example : name of the option, placeholder of its value, and a valid pair, for messages.
-    texts : as given.
-    """
+    """Return the values of an option that is given once for each part, by part."""
     pairs = {}
     for text in texts:
         part, equals, chosen = text.rpartition("=")

@@ -10,7 +10,7 @@ from rso_lidar.cli.arguments import Dark, Overwrite, RecordingFile, choose_schem
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable
-from rso_lidar.picture import FIGURE_SUFFIXES, SHEET_SUFFIXES
+from rso_lidar.picture import FIGURE_SUFFIXES
 
 
 def plot(
@@ -38,7 +38,7 @@ def plot(
         raise RecordingError("--frame, --path and --curves are three pictures; give one at a time")
     kind = "path" if path else "curves" if curves else "sheet" if frame is None else f"frame{frame}"
     if output is not None:
-        output = check_writable(output, SHEET_SUFFIXES if kind == "sheet" else FIGURE_SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, (".png",) if kind == "sheet" else FIGURE_SUFFIXES, overwrite=overwrite)
     scheme = choose_scheme(dark)
     with export.open(recording) as frames:
         place = output or check_writable(recording.with_name(f"{recording.stem}_{kind}.png"), overwrite=overwrite)

@@ -31,8 +31,6 @@ def show_progress(total: int, done: int, doing: str = "flying", of: str = "frame
     ----------
     total : number of items
     done : number of items that were there before
-    doing : participle for the bar
-    of : noun for an item
     """
     if sys.stderr is None or not sys.stderr.isatty():
         yield _Lines(total, done, of)
@@ -80,13 +78,7 @@ def count_frames(frames: Sequence[Frame], doing: str) -> Iterator[Frame]:
 
 @contextmanager
 def count_steps(doing: str, of: str) -> Iterator[Callable[[int, int], None]]:
-    """Yield a function that shows finished steps on a bar; it is called with their number and that of all, 0 for no bar.
-
-    Parameters
-    ----------
-    doing : participle for the bar
-    of : noun for a step
-    """
+    """Yield a function that shows finished steps on a bar; it is called with their number and that of all, 0 for no bar."""
     with ExitStack() as stack:
         bar: Bar | None = None
         shown = 0
@@ -132,7 +124,6 @@ class _Lines:
         Parameters
         ----------
         total, done : frames of the run, and frames that exist already
-        of : text after the numbers, such as the name of the output
         """
         self._total, self._done, self._of = total, done, of
         self._said = time.monotonic()

@@ -66,7 +66,6 @@ def _verify(
 
     Parameters
     ----------
-    asked, subject : the requirements, and the file of the subject
     trust_code, trust_fmu : as for `Scenario.load`, of a scenario or a study
     """
     is_toml = subject.suffix.lower() == ".toml"

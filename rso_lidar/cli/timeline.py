@@ -63,7 +63,6 @@ def _summarise(made: Timeline, mirrored: bool, finding: str) -> list[str]:
     Parameters
     ----------
     mirrored : whether the target has retro-reflectors
-    finding : when the target counts as found, in words
     """
     table = made.table
     time_s, range_m = table["time_s"], table["range_m"]

@@ -124,7 +124,6 @@ def describe_consistency(nis_mean: float, count: int) -> str:
 
     Parameters
     ----------
-    nis_mean : mean of the normalised innovations squared of a filter with three measured coordinates
     count : number of innovations in the mean
 
     Notes

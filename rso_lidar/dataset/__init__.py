@@ -15,10 +15,15 @@ if TYPE_CHECKING:
     from rso_lidar.dataset.publication.publish import publish
     from rso_lidar.dataset.reading.random_access import Dataset, Split
     from rso_lidar.dataset.reading.random_access import open_dataset as open
-    from rso_lidar.dataset.scoring.comparison import COMPARISON_LEVEL, Comparison, compare
+    from rso_lidar.dataset.scoring.comparison import Comparison, compare
     from rso_lidar.dataset.scoring.folder_scores import score
-    from rso_lidar.dataset.scoring.report import check_report_output, format_comparison, format_table, save_report
-    from rso_lidar.dataset.scoring.scorecard import SCORE_CONFIDENCE, SCORE_REPLICATES, Scorecard
+    from rso_lidar.dataset.scoring.report import (
+        check_score_report,
+        format_comparison,
+        format_scores,
+        save_score_report,
+    )
+    from rso_lidar.dataset.scoring.scorecard import Scorecard
     from rso_lidar.dataset.specification.distributions import (
         Choice,
         LogUniform,
@@ -50,10 +55,7 @@ else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "COMPARISON_LEVEL",
     "EXPORT_FORMATS",
-    "SCORE_CONFIDENCE",
-    "SCORE_REPLICATES",
     "Choice",
     "ClassOfTargets",
     "Clutter",
@@ -83,17 +85,17 @@ __all__ = [
     "UniformRotation",
     "WholeNumber",
     "check_folder",
-    "check_report_output",
+    "check_score_report",
     "check_spec",
     "compare",
     "export",
     "format_comparison",
-    "format_table",
+    "format_scores",
     "label_frame",
     "make",
     "open",
     "publish",
-    "save_report",
+    "save_score_report",
     "score",
     "torch",
 ]

@@ -5,38 +5,27 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
-    from rso_lidar.export.formats.bop import BOP_BEYOND, BOP_BEYOND_M, BOP_FULL, choose_depth_scale, encode_png
+    from rso_lidar.export.formats.bop import choose_depth_scale, encode_png, quantize_depth
     from rso_lidar.export.formats.camera import fit_camera
-    from rso_lidar.export.formats.czml import CzmlBeam, CzmlBody, build_packets, choose_samples, write_czml
     from rso_lidar.export.formats.parquet import check_parquet, write_parquet
     from rso_lidar.export.formats.trajectory import to_stamp_ns
-    from rso_lidar.export.formats.truth_batches import TruthBatch, join_batches, peek_source, read_truth_batches
-    from rso_lidar.export.layout.datasets import INERTIAL, NODE, SUN, compute_lidar_poses
+    from rso_lidar.export.formats.truth_batches import peek_source, read_truth
+    from rso_lidar.export.layout.datasets import collect_truth
     from rso_lidar.export.layout.intermediates import PhotonImage, check_kept
-    from rso_lidar.export.reader.hdf5_checks import CACHE_BYTES, check_size, open_checked
+    from rso_lidar.export.reader.hdf5_checks import check_declared_size, open_checked
     from rso_lidar.export.reader.outside_data import check_self_contained
     from rso_lidar.export.reader.recording import Frames, Recording
     from rso_lidar.export.reader.status import RecordingStatus, read_status
     from rso_lidar.export.reader.stored_array import StoredArray
-    from rso_lidar.export.registry import FORMAT_SUFFIXES, FORMATS, Format, format_for, open, save, writer_for
+    from rso_lidar.export.registry import FORMATS, Format, format_for, open, save, writer_for
     from rso_lidar.export.writer.chunks import ImageEncoder
-    from rso_lidar.export.writer.folders import check_folder, draft_folder
+    from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
     from rso_lidar.export.writer.recorder import Recorder, check_output, run_id
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "BOP_BEYOND",
-    "BOP_BEYOND_M",
-    "BOP_FULL",
-    "CACHE_BYTES",
     "FORMATS",
-    "FORMAT_SUFFIXES",
-    "INERTIAL",
-    "NODE",
-    "SUN",
-    "CzmlBeam",
-    "CzmlBody",
     "Format",
     "Frames",
     "ImageEncoder",
@@ -45,31 +34,27 @@ __all__ = [
     "Recording",
     "RecordingStatus",
     "StoredArray",
-    "TruthBatch",
-    "build_packets",
-    "check_folder",
+    "check_declared_size",
+    "check_export_folder",
     "check_kept",
     "check_output",
     "check_parquet",
     "check_self_contained",
-    "check_size",
     "choose_depth_scale",
-    "choose_samples",
-    "compute_lidar_poses",
-    "draft_folder",
+    "collect_truth",
+    "draft_export_folder",
     "encode_png",
     "fit_camera",
     "format_for",
-    "join_batches",
     "open",
     "open_checked",
     "peek_source",
+    "quantize_depth",
     "read_status",
-    "read_truth_batches",
+    "read_truth",
     "run_id",
     "save",
     "to_stamp_ns",
-    "write_czml",
     "write_parquet",
     "writer_for",
 ]

@@ -100,7 +100,7 @@ def format_for(word: str | os.PathLike[str]) -> Format:
 
     Parameters
     ----------
-    word : such as ``"pcd"``, ``".pcd"`` or ``"clouds.pcd"``.
+    word : such as ``"pcd"``, ``".pcd"`` or ``"clouds.pcd"``
 
     Returns
     -------
@@ -134,7 +134,7 @@ def writer_for(word: str | os.PathLike[str]) -> Writer:
 
     Parameters
     ----------
-    word : name, suffix or path, as for `format_for`.
+    word : name, suffix or path, as for `format_for`
 
     Returns
     -------
@@ -163,11 +163,11 @@ def save(
 
     Parameters
     ----------
-    path : of the file or folder to write.
-    frames : consumed one at a time, from `simulate` or `open`.
-    overwrite : whether an existing output may be replaced.
-    format : name of the format, if the suffix does not state it.
-    **options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.formats.pcd.write_pcd`.
+    path : of the file or folder to write
+    frames : consumed one at a time, from `simulate` or `open`
+    overwrite : whether an existing output may be replaced
+    format : name of the format, if the suffix does not state it
+    **options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.formats.pcd.write_pcd`
 
     Returns
     -------
@@ -190,7 +190,7 @@ def open(path: str | os.PathLike[str]) -> Recording:
 
     Parameters
     ----------
-    path : of an HDF5 file or a Zarr store.
+    path : of an HDF5 file or a Zarr store
 
     Returns
     -------

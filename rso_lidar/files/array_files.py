@@ -22,9 +22,9 @@ def read_array(path: Path, error: type[RsoLidarError], *, most_bytes: int = MOST
 
     Parameters
     ----------
-    path : of the file.
-    error : class of the error to raise.
-    most_bytes : largest size of the array in memory [byte].
+    path : of the file
+    error : class of the error to raise
+    most_bytes : largest size of the array in memory [byte]
 
     Returns
     -------
@@ -51,9 +51,9 @@ def read_arrays(path: Path, error: type[RsoLidarError], *, most_bytes: int = MOS
 
     Parameters
     ----------
-    path : of the file.
-    error : class of the error to raise.
-    most_bytes : largest size of the file, and of all arrays together in memory [byte].
+    path : of the file
+    error : class of the error to raise
+    most_bytes : largest size of the file, and of all arrays together in memory [byte]
 
     Returns
     -------
@@ -88,10 +88,9 @@ def _read_stream(stream: IO[bytes], place: str, error: type[RsoLidarError], most
 
     Parameters
     ----------
-    stream : at byte 0 of the array's header.
-    place : for messages.
-    error : class of the error for an array that is too large or of other types.
-    most_bytes : largest size of the array [byte].
+    stream : at byte 0 of the array's header
+    error : class of the error for an array that is too large or of other types
+    most_bytes : largest size of the array [byte]
     """
     version = np.lib.format.read_magic(stream)
     with warnings.catch_warnings():
@@ -123,9 +122,8 @@ def _make_error(path: Path, kind: str, problem: BaseException, error: type[RsoLi
 
     Parameters
     ----------
-    path, kind : the file, and what it should be, `NPY` or `NPZ`.
-    problem : what `numpy` or `zipfile` raised.
-    error : class of the error.
+    path, kind : the file, and what it should be, `NPY` or `NPZ`
+    problem : what `numpy` or `zipfile` raised
     """
     if isinstance(problem, OSError) and problem.strerror:
         return error(explain_unreadable(path, problem))

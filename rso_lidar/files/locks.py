@@ -24,9 +24,9 @@ def hold_lock(path: Path, *, wait_s: float = _WAIT_S, busy: str | None = None) -
 
     Parameters
     ----------
-    path : of the lock file, ``.<name>.lock`` beside the file that it guards.
-    wait_s : longest wait for another process to release it [s].
-    busy : message if it was not released; by default, that another run is writing the file.
+    path : of the lock file, ``.<name>.lock`` beside the file that it guards
+    wait_s : longest wait for another process to release it [s]
+    busy : message if it was not released; by default, that another run is writing the file
 
     Yields
     ------
@@ -73,7 +73,7 @@ def is_locked(path: Path) -> bool | None:
 
     Parameters
     ----------
-    path : of the lock file.
+    path : of the lock file
     """
     from filelock import lock_descriptor
 

@@ -28,8 +28,8 @@ def convert_path(given: Any, error: type[RsoLidarError]) -> Path:
 
     Parameters
     ----------
-    given : what was given as a path.
-    error : class of the error to raise.
+    given : what was given as a path
+    error : class of the error to raise
 
     Returns
     -------
@@ -51,7 +51,7 @@ def expand_user(path: str | os.PathLike[str]) -> Path:
 
     Parameters
     ----------
-    path : as the user wrote it.
+    path : as the user wrote it
 
     >>> expand_user("~no_such_user/a.tle").parts
     ('~no_such_user', 'a.tle')
@@ -66,10 +66,10 @@ def check_regular(path: Path, most_bytes: int, error: type[RsoLidarError], what:
 
     Parameters
     ----------
-    path : of the file.
-    most_bytes : largest allowed size [byte].
-    error : class of the error to raise.
-    what : kind of file that is expected, for messages.
+    path : of the file
+    most_bytes : largest allowed size [byte]
+    error : class of the error to raise
+    what : kind of file that is expected, for messages
 
     Returns
     -------
@@ -99,10 +99,10 @@ def read_bytes(path: Path, most_bytes: int, error: type[RsoLidarError], what: st
 
     Parameters
     ----------
-    path : of the file.
-    most_bytes : largest allowed size [byte].
-    error : class of the error to raise.
-    what : kind of file that is expected, for messages.
+    path : of the file
+    most_bytes : largest allowed size [byte]
+    error : class of the error to raise
+    what : kind of file that is expected, for messages
 
     Returns
     -------
@@ -134,10 +134,10 @@ def read_text(path: Path, most_bytes: int, error: type[RsoLidarError], what: str
 
     Parameters
     ----------
-    path : of the file.
-    most_bytes : largest allowed size [byte].
-    error : class of the error to raise.
-    what : kind of file that is expected, for messages.
+    path : of the file
+    most_bytes : largest allowed size [byte]
+    error : class of the error to raise
+    what : kind of file that is expected, for messages
 
     Returns
     -------
@@ -160,8 +160,8 @@ def _too_large(path: Path, size: int, most_bytes: int, what: str) -> str:
 
     Parameters
     ----------
-    path, size : the file, and its size [byte].
-    most_bytes, what : largest allowed size [byte], and the kind of the file.
+    path, size : the file, and its size [byte]
+    most_bytes, what : largest allowed size [byte], and the kind of the file
     """
     limit = describe_size(most_bytes)
     return f"{path}: has {size / _MIB:,.1f} MiB or more, over the {limit} that a {what} may have; give a smaller one"
@@ -172,7 +172,7 @@ def describe_size(size: int) -> str:
 
     Parameters
     ----------
-    size : [byte].
+    size : [byte]
 
     Returns
     -------
@@ -187,8 +187,8 @@ def explain_unreadable(path: str | os.PathLike[str], problem: OSError | ValueErr
 
     Parameters
     ----------
-    path : of the file.
-    problem : what was raised; a ValueError for a NUL character in the path.
+    path : of the file
+    problem : what was raised; a ValueError for a NUL character in the path
 
     >>> explain_unreadable("a.toml", FileNotFoundError(errno.ENOENT, "No such file or directory"))
     'a.toml: no such file; check the name'
@@ -208,7 +208,7 @@ def count_bytes(path: Path) -> int:
 
     Parameters
     ----------
-    path : of the file or the folder.
+    path : of the file or the folder
     """
     files_in = path.rglob("*") if path.is_dir() else [path]
     return sum(file.stat().st_size for file in files_in if file.is_file())

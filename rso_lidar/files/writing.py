@@ -31,7 +31,7 @@ def advise_on_write(number: int | None) -> str:
 
     Parameters
     ----------
-    number : error number of the system; None if it is not known.
+    number : error number of the system; None if it is not known
 
     >>> advise_on_write(errno.ENOSPC), advise_on_write(errno.EROFS), advise_on_write(errno.EIO)
     ('make room', 'allow writing there', 'check the disk')
@@ -49,9 +49,9 @@ def write_atomically(place: Path, *, keep_suffix: bool = True) -> Iterator[Path]
 
     Parameters
     ----------
-    place : of the output.
+    place : of the output
     keep_suffix : whether the temporary name has the suffix of the output, from which some libraries take the format.
-        Without it, no pattern such as ``*.h5`` matches what a killed run leaves.
+        Without it, no pattern such as ``*.h5`` matches what a killed run leaves
 
     Yields
     ------
@@ -108,9 +108,8 @@ def _name_output(error: RsoLidarError, draft: Path | None, place: Path) -> RsoLi
 
     Parameters
     ----------
-    error : as it was raised within `write_atomically`.
-    draft : path of the temporary file; None if there is none yet.
-    place : of the output.
+    error : as it was raised within `write_atomically`
+    draft : path of the temporary file; None if there is none yet
     """
     message = str(error)
     if draft is None or draft.name not in message:
@@ -123,8 +122,8 @@ def make_write_error(place: Path, error: OSError) -> RunError:
 
     Parameters
     ----------
-    place : of the output, a file or a folder.
-    error : what the system reported.
+    place : of the output, a file or a folder
+    error : what the system reported
 
     Returns
     -------
@@ -143,8 +142,8 @@ def is_same(path: Path, made: os.stat_result) -> bool:
 
     Parameters
     ----------
-    path : of the file or folder.
-    made : its earlier status.
+    path : of the file or folder
+    made : its earlier status
     """
     with suppress(OSError):
         return os.path.samestat(path.lstat(), made)
@@ -156,9 +155,9 @@ def check_draft(draft: Path, made: os.stat_result, place: Path) -> None:
 
     Parameters
     ----------
-    draft : path of the temporary file or folder.
-    made : its status when it was made.
-    place : the output, for the message.
+    draft : path of the temporary file or folder
+    made : its status when it was made
+    place : the output, for the message
 
     Raises
     ------
@@ -181,9 +180,9 @@ def check_stream(stream: IO[Any], draft: Path, place: Path) -> None:
 
     Parameters
     ----------
-    stream : the open file, written from its beginning.
-    draft : path of the file.
-    place : the output, for the message.
+    stream : the open file, written from its beginning
+    draft : path of the file
+    place : the output, for the message
 
     Raises
     ------
@@ -205,9 +204,9 @@ def check_writable(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *
 
     Parameters
     ----------
-    path : of the file to write.
-    suffixes : allowed suffixes, in lower case; empty to allow any.
-    overwrite : whether an existing file may be replaced.
+    path : of the file to write
+    suffixes : allowed suffixes, in lower case; empty to allow any
+    overwrite : whether an existing file may be replaced
 
     Returns
     -------
@@ -247,7 +246,7 @@ def can_write_in(folder: Path) -> bool:
 
     Parameters
     ----------
-    folder : where the files would be.
+    folder : where the files would be
     """
     return os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids)
 
@@ -257,8 +256,8 @@ def check_suffix(place: Path, suffixes: Sequence[str]) -> None:
 
     Parameters
     ----------
-    place : the path.
-    suffixes : allowed suffixes, lower case; an empty sequence allows all.
+    place : the path
+    suffixes : allowed suffixes, lower case; an empty sequence allows all
 
     Raises
     ------
@@ -277,9 +276,9 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
 
     Parameters
     ----------
-    path : of the file.
-    text : its content.
-    overwrite : whether an existing file may be replaced.
+    path : of the file
+    text : its content
+    overwrite : whether an existing file may be replaced
 
     Returns
     -------
@@ -302,8 +301,8 @@ def write_columns(place: Path, table: Mapping[str, Any]) -> Path:
 
     Parameters
     ----------
-    place : of the file.
-    table : columns by name, arrays of one length.
+    place : of the file
+    table : columns by name, arrays of one length
 
     Returns
     -------

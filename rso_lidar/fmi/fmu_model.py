@@ -99,7 +99,6 @@ class FmuModel(Part):
 
         Parameters
         ----------
-        file : of the FMU, for messages
         inputs : names of the variables that are mapped as inputs
         """
         for place, name in enumerate(inputs):
@@ -123,10 +122,7 @@ class FmuModel(Part):
 
         Parameters
         ----------
-        file, place : of the mapping, for messages
-        mapping : names of variables, or numbers, by quantity
         known : unit and number of elements of each quantity
-        description : of the FMU
         """
         for name in mapping:
             if name not in known:
@@ -164,13 +160,6 @@ class FmuModel(Part):
 
 
 def _check_variable(file: str, name: str, variables: dict[str, Any]) -> None:
-    """Refuse the name of a variable that the FMU does not have.
-
-    Parameters
-    ----------
-    file : of the FMU, for the message
-    name : of the variable
-    variables : of the FMU, by name
-    """
+    """Refuse the name of a variable that the FMU does not have."""
     if name not in variables:
         raise ScenarioError(f"{file}: the FMU has no variable '{name}'{did_you_mean(name, variables) or '; check it'}")

@@ -64,11 +64,6 @@ def _rebuild(
 ) -> FmuPoint:
     """Return a point of a new run of the same FMU.
 
-    Parameters
-    ----------
-    path, checksums, settings : of the run
-    tick, state, begin : of the point
-
     Raises
     ------
     ScenarioError

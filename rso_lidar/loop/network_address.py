@@ -65,12 +65,6 @@ def parse_address(text: str, where: str) -> NetworkAddress:
 def require_loopback(address: NetworkAddress, where: str, what: str) -> None:
     """Refuse an address that other machines can reach, for a server without authentication.
 
-    Parameters
-    ----------
-    address : of the server
-    where : start of the error message
-    what : name of the server in it
-
     Raises
     ------
     ScenarioError

@@ -67,8 +67,11 @@ if TYPE_CHECKING:
         SetErrors,
         estimate_set_errors,
     )
+    from rso_lidar.mission_analysis.time_history.czml import (
+        choose_globe_samples,
+    )
     from rso_lidar.mission_analysis.time_history.globe import (
-        build_globe,
+        write_globe,
     )
     from rso_lidar.mission_analysis.time_history.open_loop import (
         find_velocity_jumps_s,
@@ -110,7 +113,7 @@ __all__ = [
     "ViewedPlate",
     "assess_conjunction",
     "budget",
-    "build_globe",
+    "choose_globe_samples",
     "conjunction_scenario_text",
     "declare_attribute",
     "draw_trajectory",
@@ -133,6 +136,7 @@ __all__ = [
     "timeline",
     "truth",
     "write_comment",
+    "write_globe",
 ]
 
 __dir__ = limit_dir(__name__)

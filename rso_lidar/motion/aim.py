@@ -159,8 +159,6 @@ def _find_target_vectors(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.
     Parameters
     ----------
     ptu : the pan-tilt unit, which tracks
-    bodies : all bodies
-    course : truth of the bodies
 
     Returns
     -------

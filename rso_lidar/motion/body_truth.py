@@ -220,7 +220,6 @@ class _Evaluation:
         ----------
         tree : with the axes of the chief
         body : the body that moves relative to the chief
-        chief : name of the chief
         place : position and velocity in the chief's rtn axes
 
         Returns

@@ -106,7 +106,6 @@ class FollowerMotion:
 
         Parameters
         ----------
-        motion, flight : state-space model of place and attitude, and its flight
         time_s, list_ahead : as for `find`
 
         Returns
@@ -133,7 +132,6 @@ class FollowerMotion:
 
         Parameters
         ----------
-        name : of the chief
         time_s, list_ahead : as for `find`
         """
         known_s, matrix, turning = self._ahead
@@ -254,8 +252,6 @@ def _find_specific_force(
 
     Parameters
     ----------
-    course : of the run
-    truth : batch at the instants
     time_s : (time) instants [s]
     flights : of the follower's models, as ``motion`` and ``attitude``
     """
@@ -289,8 +285,6 @@ def _find_angular_acceleration(
 
     Parameters
     ----------
-    course : of the run
-    follower : the body
     time_s : (time) instants [s]
     flights : of the follower's models, as ``motion`` and ``attitude``
     rate : angular velocity relative to inertial axes (time, 3), in body axes [rad/s]
@@ -313,7 +307,6 @@ def _differentiate(course: Course, read: Callable[[Truth], np.ndarray], time_s: 
 
     Parameters
     ----------
-    course : of the run
     read : value (time, 3) of a batch of truths
     time_s : (time) instants [s]
     """

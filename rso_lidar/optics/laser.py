@@ -163,7 +163,7 @@ class Laser(Part):
 
         Parameters
         ----------
-        rng : source of the random numbers; not used without jitter.
+        rng : source of the random numbers; not used without jitter
 
         Returns
         -------
@@ -180,8 +180,8 @@ class Laser(Part):
 
         Parameters
         ----------
-        rng : source of the random numbers; not used without jitter.
-        pulses : number of pulses.
+        rng : source of the random numbers; not used without jitter
+        pulses : number of pulses
 
         Returns
         -------
@@ -211,7 +211,7 @@ class Laser(Part):
 
         Parameters
         ----------
-        x, y : coordinates in the tangent plane, broadcast together.
+        x, y : coordinates in the tangent plane, broadcast together
         """
         if self.footprint == "gaussian":
             return np.ones(np.broadcast(x, y).shape, dtype=bool)
@@ -229,7 +229,7 @@ class Laser(Part):
 
         Parameters
         ----------
-        x, y : coordinates in the tangent plane, broadcast together.
+        x, y : coordinates in the tangent plane, broadcast together
 
         Returns
         -------
@@ -289,7 +289,7 @@ def _measured_width_s(file: str, _modified_ns: int, _size: int) -> float:
 
     Parameters
     ----------
-    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
     """
     return find_full_width_s(*read_pulse(file))
 
@@ -300,7 +300,7 @@ def _measured_taps(file: str, _modified_ns: int, _size: int) -> tuple[float, np.
 
     Parameters
     ----------
-    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
 
     Returns
     -------

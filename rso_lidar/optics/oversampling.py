@@ -15,8 +15,8 @@ def oversample(hits: Hits, laser: Laser, receiver: Receiver) -> Oversampled:
 
     Parameters
     ----------
-    hits : the hits of the flash.
-    laser, receiver : the instrument.
+    hits : the hits of the flash
+    laser, receiver : the instrument
 
     Returns
     -------

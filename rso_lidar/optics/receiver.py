@@ -210,7 +210,7 @@ class Receiver(Part):
 
         Parameters
         ----------
-        x, y : tangents of the directions (x, y, 1) in lidar axes.
+        x, y : tangents of the directions (x, y, 1) in lidar axes
 
         Returns
         -------
@@ -225,7 +225,7 @@ class Receiver(Part):
 
         Parameters
         ----------
-        col, row : points, 0 at the outer edges of the first pixels.
+        col, row : points, 0 at the outer edges of the first pixels
 
         Returns
         -------

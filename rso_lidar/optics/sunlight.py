@@ -40,5 +40,11 @@ def _black_body(wavelength_m: float) -> float:
 
 @lru_cache(maxsize=64)
 def sun_photons_per_s_m2(wavelength_m: float, width_m: float) -> float:
-    """Return the Sun's photons per second and square metre at 1 au, in a band `width_m` wide about `wavelength_m`."""
+    """Return the Sun's photons per second and square metre at 1 au in a band (ASTM E490 at the lines of usual lasers).
+
+    Parameters
+    ----------
+    wavelength_m : middle of the band [m]
+    width_m : of the band [m]
+    """
     return sun_irradiance_w_m2_um(wavelength_m) * (width_m / units.UM) / units.photon_energy_j(wavelength_m)

@@ -47,11 +47,6 @@ MOON = CentralBody("the Moon", units.MOON_GM_M3_S2, units.MOON_RADIUS_M, units.M
 def check_trajectory(trajectory: Any, name: str) -> None:
     """Check that an object answers `states`; a motion relative to another body does not.
 
-    Parameters
-    ----------
-    trajectory : the object
-    name : name of the argument, for the message
-
     Raises
     ------
     ScenarioError

@@ -76,11 +76,6 @@ def _tai_us(instant: datetime.datetime) -> int:
 def check_instant(instant: Any, place: str) -> None:
     """Check that a value is a datetime with a UTC offset.
 
-    Parameters
-    ----------
-    instant : the value
-    place : name of the field or parameter, for the message
-
     Raises
     ------
     ScenarioError
@@ -277,7 +272,6 @@ def parse_epoch_ps(text: str, system: str, where: str) -> int:
     ----------
     text : the epoch, such as 2024-09-17T12:00:00.000 or 2024-261T12:00:00.000
     system : one of `TIME_SYSTEMS`
-    where : place in the file, for messages
 
     Returns
     -------

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         name_object,
         python_objects,
     )
-    from rso_lidar.part.toml_text import DEEPEST_TOML, MOST_TOML_BYTES, find_line, parse_toml, split_place
+    from rso_lidar.part.toml_text import DEEPEST_TOML, MOST_TOML_BYTES, parse_toml
     from rso_lidar.part.user_objects import (
         call_member,
         check_lines,
@@ -73,7 +73,6 @@ __all__ = [
     "describe_type",
     "dump_part",
     "explain",
-    "find_line",
     "kind_of",
     "lock_array",
     "make_answer_error",
@@ -83,7 +82,6 @@ __all__ = [
     "python_objects",
     "read_member",
     "show_value",
-    "split_place",
     "to_real_array",
 ]
 

@@ -15,8 +15,8 @@ def describe_type(annotation: Any, metadata: list[Any]) -> str:
 
     Parameters
     ----------
-    annotation : of the field.
-    metadata : of the field, which holds its limits.
+    annotation : of the field
+    metadata : of the field, which holds its limits
     """
     origin, args = get_origin(annotation), get_args(annotation)
     if origin is Annotated:

@@ -130,7 +130,7 @@ class Part(BaseModel, metaclass=_PartMeta):
 
         Parameters
         ----------
-        **changes : new values by the names of their fields, in the units of those names.
+        **changes : new values by the names of their fields, in the units of those names
 
         Raises
         ------
@@ -158,8 +158,8 @@ class Seam:
 
     Parameters
     ----------
-    described : annotation of the closed set: a union of parts, with its discriminator and validators.
-    protocol : a protocol decorated with `typing.runtime_checkable`.
+    described : annotation of the closed set: a union of parts, with its discriminator and validators
+    protocol : a protocol decorated with `typing.runtime_checkable`
     """
 
     def __init__(self, described: Any, protocol: type) -> None:
@@ -194,12 +194,7 @@ class Seam:
         return value
 
     def _serialize(self, value: Any, serialize: Callable[[Any], Any], info: core_schema.SerializationInfo) -> Any:
-        """Dump a part as its table; put a Python object into the context, and dump the table that represents it.
-
-        Parameters
-        ----------
-        value, serialize, info : the value, pydantic's serializer of the parts, and its context.
-        """
+        """Dump a part as its table; put a Python object into the context, and dump the table that represents it."""
         if self._is_described(value):
             return serialize(value)
         if isinstance(info.context, _Objects):
@@ -220,7 +215,7 @@ def python_objects(part: BaseModel) -> list[object]:
 
     Parameters
     ----------
-    part : the part.
+    part : the part
     """
     found = _Objects()
     part.model_dump(context=found)
@@ -232,7 +227,7 @@ def dump_part(value: object) -> dict[str, Any]:
 
     Parameters
     ----------
-    value : a part, or any other object.
+    value : a part, or any other object
     """
     return value.model_dump(exclude_none=True) if isinstance(value, Part) else python_table(value)
 
@@ -247,7 +242,7 @@ def kind_of(value: object) -> str:
 
     Parameters
     ----------
-    value : a part, or any other object.
+    value : a part, or any other object
     """
     return value.type if isinstance(value, Part) and hasattr(value, "type") else name_object(value)
 
@@ -257,7 +252,7 @@ def name_object(value: object) -> str:
 
     Parameters
     ----------
-    value : the object.
+    value : the object
     """
     cls = type(value)
     try:

@@ -18,9 +18,6 @@ _QUOTED = re.compile(
 )
 _DOTTED = re.compile(r"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++)+")  # linear in the text: nothing is tried twice
 _BRACKET = re.compile(r"[\[\]{}]")
-_KEY = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
-_KEYS = rf"{_KEY}(?:\s*\.\s*{_KEY})*"
-_HEADER, _ENTRY = re.compile(rf"\s*(\[\[?)\s*({_KEYS})\s*\]"), re.compile(rf"\s*({_KEYS})\s*=")
 
 
 def parse_toml(text: str, where: str, error: type[RsoLidarError]) -> dict[str, Any]:
@@ -30,9 +27,9 @@ def parse_toml(text: str, where: str, error: type[RsoLidarError]) -> dict[str, A
 
     Parameters
     ----------
-    text : the TOML text.
-    where : name of the text in messages, such as its path.
-    error : class of the error to raise.
+    text : the TOML text
+    where : name of the text in messages, such as its path
+    error : class of the error to raise
 
     Returns
     -------
@@ -67,52 +64,3 @@ def parse_toml(text: str, where: str, error: type[RsoLidarError]) -> dict[str, A
         raise error(f"{where}: not valid TOML: {problem}; correct that line") from None
     except (RecursionError, ValueError) as problem:
         raise error(f"{where}: not readable as TOML ({problem}); correct the text") from None
-
-
-def split_place(place: str) -> tuple[str | int, ...]:
-    """Return the keys of a place such as ``target[0].motion.file``, with the numbers of entries of lists.
-
-    Parameters
-    ----------
-    place : dotted key.
-
-    >>> split_place("target[0].motion.file")
-    ('target', 0, 'motion', 'file')
-    """
-    words = re.findall(r"\[(\d+)\]|([^.\[\]]+)", place)
-    return tuple(int(number) if number else word for number, word in words)
-
-
-def find_line(text: str, place: str) -> int | None:
-    r"""Return the line, from 1, of the key at a place, or of the table that is to hold it; None if there is neither.
-
-    Tables in one line (`{ ... }`) count as their key.
-
-    Parameters
-    ----------
-    text : the TOML text, which need not be complete.
-    place : dotted key, such as ``target[0].motion.file``.
-
-    >>> find_line('[lidar]\n[lidar.laser]\nenergy_mj = 5', "lidar.laser.energy_mj")
-    3
-    """
-    wanted = tuple(str(step) for step in split_place(place))
-    here: tuple[str, ...] = ()
-    entries: dict[tuple[str, ...], int] = {}
-    best: tuple[int, int | None] = (0, None)
-    for number, line in enumerate(text.splitlines(), 1):
-        head, entry = _HEADER.match(line), _ENTRY.match(line)
-        if head is None and entry is None:
-            continue
-        steps = [step.strip("\"' \t") for step in re.findall(_KEY, head[2] if head else entry[1] if entry else "")]
-        path: tuple[str, ...] = () if head else here
-        for k, step in enumerate(steps):
-            path = (*path, step)
-            if head and head[1] == "[[" and k == len(steps) - 1:
-                entries[path] = entries.get(path, -1) + 1
-            if path in entries:
-                path = (*path, str(entries[path]))
-        here = path if head else here
-        if path[: len(wanted)] == wanted[: len(path)] and min(len(path), len(wanted)) > best[0]:
-            best = min(len(path), len(wanted)), number
-    return best[1]

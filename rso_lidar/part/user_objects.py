@@ -19,11 +19,11 @@ def make_answer_error(owner: object, method: str, found: object, cure: str, *, m
 
     Parameters
     ----------
-    owner : the object.
-    method : name of its method.
-    found : what the method returned.
-    cure : what to do.
-    member : which member of the result is wrong; empty where it has none.
+    owner : the object
+    method : name of its method
+    found : what the method returned
+    cure : what to do
+    member : which member of the result is wrong; empty where it has none
     """
     where = f" in {member}" if member else ""
     return ScenarioError(f"{name_object(owner)}: {method}() returned {show_value(found)}{where}; {cure}")
@@ -34,11 +34,11 @@ def read_member(owner: object, name: str, default: Any, kind: type | tuple[type,
 
     Parameters
     ----------
-    owner : a part, whose own attribute needs no check, or a user's object.
-    name : of the attribute.
-    default : its value for an object that lacks it.
-    kind : types that it may have.
-    cure : what to do where it has another.
+    owner : a part, whose own attribute needs no check, or a user's object
+    name : of the attribute
+    default : its value for an object that lacks it
+    kind : types that it may have
+    cure : what to do where it has another
 
     Raises
     ------
@@ -56,10 +56,10 @@ def call_member(owner: object, name: str, *given: Any, default: Any = None) -> A
 
     Parameters
     ----------
-    owner : the object.
-    name : name of the method.
-    given : its arguments.
-    default : result for an object without the method.
+    owner : the object
+    name : name of the method
+    given : its arguments
+    default : result for an object without the method
 
     Returns
     -------
@@ -82,7 +82,7 @@ def lock_array(values: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    values : the array, any shape and type.
+    values : the array, any shape and type
     """
     view = values.view()
     view.setflags(write=False)
@@ -94,8 +94,8 @@ def check_lines(owner: object, method: str, found: object) -> list[str]:
 
     Parameters
     ----------
-    owner, method : the object and the name of its method.
-    found : what the method returned.
+    owner, method : the object and the name of its method
+    found : what the method returned
 
     Raises
     ------
@@ -111,9 +111,9 @@ def check_text(owner: object, method: str, found: object) -> str:
 
     Parameters
     ----------
-    owner : the object.
-    method : name of its method.
-    found : what the method returned.
+    owner : the object
+    method : name of its method
+    found : what the method returned
 
     Raises
     ------
@@ -138,11 +138,11 @@ def check_values(
 
     Parameters
     ----------
-    owner, method : the object and the name of its method.
-    found : what the method returned; one number represents as many as there are.
-    shape : of the array.
-    least, most : limits; NaN is outside of them.
-    member : which member of the result the numbers are; empty where they are the whole result.
+    owner, method : the object and the name of its method
+    found : what the method returned; one number represents as many as there are
+    shape : of the array
+    least, most : limits; NaN is outside of them
+    member : which member of the result the numbers are; empty where they are the whole result
 
     Returns
     -------
@@ -174,7 +174,7 @@ def to_real_array(found: object) -> np.ndarray | None:
 
     Parameters
     ----------
-    found : what a user's object returned.
+    found : what a user's object returned
     """
     try:
         values = np.asarray(found)

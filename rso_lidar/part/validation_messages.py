@@ -21,9 +21,9 @@ def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
 
     Parameters
     ----------
-    error : pydantic's report.
-    part : class that was validated.
-    raw : the values given for its fields, to tell which member of a union was meant.
+    error : pydantic's report
+    part : class that was validated
+    raw : the values given for its fields, to tell which member of a union was meant
 
     Returns
     -------
@@ -62,9 +62,8 @@ def _place(
 
     Parameters
     ----------
-    loc : pydantic's path: keys, places in lists, and the tags of unions.
-    part : class that was validated.
-    raw : the values given for its fields.
+    loc : pydantic's path: keys, places in lists, and the tags of unions
+    part : class that was validated
 
     Returns
     -------
@@ -129,7 +128,12 @@ def _choose(annotation: Any, raw: Any) -> type[BaseModel] | None:
 
 
 def part_classes(annotation: Any) -> list[type[BaseModel]]:
-    """Return the part classes that an annotation allows."""
+    """Return the part classes that an annotation allows, in its order.
+
+    Parameters
+    ----------
+    annotation : of a field, such as ``tuple[Lambertian | Phong, ...]``
+    """
     if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
         return [annotation] if issubclass(annotation, BaseModel) else []
     return [cls for inner in get_args(annotation) for cls in part_classes(inner)]
@@ -140,9 +144,8 @@ def _what(problem: Any, owner: type[BaseModel] | None, others: Iterable[type[Bas
 
     Parameters
     ----------
-    problem : one error of pydantic.
-    owner : part class that holds its last key.
-    others : part classes that are allowed in its stead.
+    owner : part class that holds its last key
+    others : part classes that are allowed in its stead
     """
     kind, context = problem["type"], problem.get("ctx", {})
     value = problem.get("input")
@@ -197,7 +200,7 @@ def show_value(value: Any) -> str:
 
     Parameters
     ----------
-    value : any object.
+    value : any object
     """
     try:
         text = " ".join(repr(value).split())

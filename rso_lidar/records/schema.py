@@ -71,11 +71,6 @@ def locked(values: Any, dtype: np.dtype[Any]) -> np.ndarray:
 def _check_conversion(values: Any, dtype: np.dtype[Any]) -> None:
     """Refuse values that numpy would convert to wrong values without an error.
 
-    Parameters
-    ----------
-    values : array, or what becomes one
-    dtype : to which they are converted
-
     Raises
     ------
     ValueError : if they are complex, or numbers that an integer type does not hold, such as 12.7
@@ -100,7 +95,6 @@ def _check_shapes(record: type, shapes: tuple[tuple[int, ...] | None, ...]) -> N
 
     Parameters
     ----------
-    record : the class
     shapes : of each array, in the order of the statements; None for a field without one
 
     Raises
@@ -145,13 +139,7 @@ class Record:
         _check_shapes(cls, tuple(shapes))  # type: ignore[arg-type]  # a class is hashable, whatever its instances are
 
     def _convert(self, name: str, value: Any, dtype: np.dtype[Any]) -> np.ndarray:
-        """Return a value as a read-only array, or raise an error if the conversion would change it.
-
-        Parameters
-        ----------
-        name, value : of the field
-        dtype : as stated
-        """
+        """Return a value as a read-only array, or raise an error if the conversion would change it."""
         try:
             if getattr(value, "dtype", None) is not dtype:
                 _check_conversion(value, dtype)

@@ -151,7 +151,6 @@ def _least_angle(length: np.ndarray, phase_rad: np.ndarray, rest: np.ndarray, fo
     Parameters
     ----------
     length, phase_rad : length and phase of the part that contains the scalar part after a rotation of the group
-    rest : length of the other part
     fold : number of rotations of the group that turn the part, 0 for any angle
     """
     off = np.zeros(phase_rad.shape)

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -88,7 +88,7 @@ def iterate_texts(tree: Any) -> Iterator[str]:
 
     Parameters
     ----------
-    tree : a text, a mapping or a sequence of trees, or another value, which has none
+    tree : a text, a table or a list of trees, or another value, which has none
 
     Yields
     ------
@@ -96,6 +96,6 @@ def iterate_texts(tree: Any) -> Iterator[str]:
     """
     if isinstance(tree, str):
         yield tree
-    elif isinstance(tree, Mapping | Sequence):
-        for inner in tree.values() if isinstance(tree, Mapping) else tree:
+    elif isinstance(tree, dict | list | tuple):
+        for inner in tree.values() if isinstance(tree, dict) else tree:
             yield from iterate_texts(inner)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rso_lidar.scene.embree.engine import engine
     from rso_lidar.scene.labels import label
     from rso_lidar.scene.library.adding import MeshOptions, add_model, remove_model
-    from rso_lidar.scene.library.mesh_units import known_meshes, list_units
+    from rso_lidar.scene.library.mesh_units import list_units
     from rso_lidar.scene.library.model_index import (
         ModelEntry,
         is_mesh_path,
@@ -33,23 +33,18 @@ if TYPE_CHECKING:
     from rso_lidar.scene.materials.phong import Lambertian, Phong
     from rso_lidar.scene.materials.retro import RetroReflector
     from rso_lidar.scene.materials.scatterer import Material, Scatterer, complete
-    from rso_lidar.scene.meshes.cad import is_cad, tessellate
-    from rso_lidar.scene.meshes.components import format_count
     from rso_lidar.scene.meshes.height_field import MOST_HEIGHT_CELLS, build_height_field, load_height_field
     from rso_lidar.scene.meshes.mesh import (
         Mesh,
         body_from_mesh,
-        format_colours,
         load_mesh,
-        normalize_mesh,
-        parse_mesh,
         read_facet_colours,
         warn_of_repairs,
         warn_of_size,
     )
     from rso_lidar.scene.meshes.symmetry_check import SymmetryDeviation, measure_symmetry
     from rso_lidar.scene.surfaces.articulation import Hinged, split_at_hinges
-    from rso_lidar.scene.surfaces.examination import examine_mesh
+    from rso_lidar.scene.surfaces.examination import examine_file, examine_mesh
     from rso_lidar.scene.surfaces.portrait import find_top_heights, render_portrait, viewer_axes
     from rso_lidar.scene.surfaces.surface import Surface, build_surface
 else:
@@ -86,16 +81,13 @@ __all__ = [
     "complete",
     "contours",
     "engine",
+    "examine_file",
     "examine_mesh",
     "extent",
     "find_hidden",
     "find_material",
     "find_top_heights",
-    "format_colours",
-    "format_count",
-    "is_cad",
     "is_mesh_path",
-    "known_meshes",
     "label",
     "library",
     "list_units",
@@ -105,15 +97,12 @@ __all__ = [
     "measure_symmetry",
     "model",
     "models",
-    "normalize_mesh",
     "own_folder",
     "own_models",
-    "parse_mesh",
     "read_facet_colours",
     "remove_model",
     "render_portrait",
     "split_at_hinges",
-    "tessellate",
     "viewer_axes",
     "warn_of_repairs",
     "warn_of_size",

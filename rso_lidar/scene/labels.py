@@ -52,9 +52,9 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
 
     Parameters
     ----------
-    hits : where rays met surfaces.
-    photons : the light that came back, in clusters by delay.
-    max_returns : number of clusters of each pixel that are listed one by one, if over 1.
+    hits : where rays met surfaces
+    photons : the light that came back, in clusters by delay
+    max_returns : number of clusters of each pixel that are listed one by one, if over 1
 
     Returns
     -------
@@ -91,8 +91,7 @@ def _write_labels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple
 
     Parameters
     ----------
-    labels : arrays of the labels by name, filled for empty sky.
-    hits, photons : what was hit, and the light that came back.
+    hits, photons : what was hit, and the light that came back
 
     Returns
     -------
@@ -115,8 +114,8 @@ def sum_weights(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> 
 
     Parameters
     ----------
-    pixel, weight : (hit), pixel in ascending order, and share of its area.
-    fraction : (pixel), to which the sums are written.
+    pixel, weight : (hit), pixel in ascending order, and share of its area
+    fraction : (pixel), to which the sums are written
     """
     total = 0.0
     for k in range(len(pixel)):
@@ -134,10 +133,8 @@ def label_pixels(
 
     Parameters
     ----------
-    returns : the returns, by pixel.
-    n_clusters : number of clusters.
-    struck : what was hit.
-    written : the labels, to which is written.
+    n_clusters : number of clusters
+    written : the labels, to which is written
 
     Returns
     -------

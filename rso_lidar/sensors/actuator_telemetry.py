@@ -31,8 +31,6 @@ class ActuatorTelemetry(SensorPart):
 
         Parameters
         ----------
-        motion : true motion of the follower
-        vector : which of the two
         entries : their places, from 0
 
         Raises
@@ -74,7 +72,6 @@ class ActuatorTelemetry(SensorPart):
 
         Parameters
         ----------
-        vector : "state" or "input"
         entries : their places, from 0
         size : number of entries that there are; None without such dynamics
         """

@@ -21,7 +21,6 @@ def merge_preset(kind: str | None, given: Mapping[str, Any]) -> Mapping[str, Any
     Parameters
     ----------
     kind : `type` of the sensor
-    given : the user's table
     """
     name = given.get("preset")
     if not isinstance(name, str):

@@ -111,7 +111,6 @@ def fill_normals(key: np.ndarray, first: int, stage: int, normals: np.ndarray) -
     ----------
     key : (2) uint32
     first : number of the first sample
-    stage : last word of the counter
     normals : (sample, width), written
     """
     for k in range(normals.shape[0]):
@@ -125,8 +124,6 @@ def draw_sample(key: np.ndarray, sample: int, stage: int, normals: np.ndarray) -
     Parameters
     ----------
     key : (2) uint32
-    sample : its number
-    stage : last word of the counter
     normals : (width), written
     """
     width = len(normals)

@@ -188,8 +188,6 @@ def gauss_markov(channels: tuple[int, ...], sigma: float, correlation_s: float, 
 
     Parameters
     ----------
-    channels : to which it applies
-    sigma : stationary standard deviation
     correlation_s : correlation time [s]
     step_s : sampling interval [s]
     """
@@ -207,8 +205,6 @@ def flicker(
 
     Parameters
     ----------
-    channels : to which they apply
-    floor : the flat of the Allan deviation
     correlation_s : shortest and longest correlation time [s]
     step_s : sampling interval [s]
     """
@@ -228,7 +224,6 @@ def gauss_markov_allan_variance(averaging_s: np.ndarray, sigma: float, correlati
     Parameters
     ----------
     averaging_s : averaging times (…) [s]
-    sigma : stationary standard deviation
     correlation_s : correlation time [s]
     """
     x = averaging_s / correlation_s

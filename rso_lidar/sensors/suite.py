@@ -98,7 +98,6 @@ class SensorSuite:
 
         Parameters
         ----------
-        name : of the sensor
         motion, first, state : as `Sensor.measure` takes them
         """
         with add_place(f"sensor '{name}'"):

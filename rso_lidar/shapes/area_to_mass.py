@@ -50,7 +50,5 @@ def _ramp(x: float, start: float, end: float, before: float, after: float) -> fl
     Parameters
     ----------
     x : logarithm of the characteristic length in metres.
-    start, end : of the linear part.
-    before, after : values at its ends.
     """
     return before + (after - before) * min(1.0, max(0.0, (x - start) / (end - start)))

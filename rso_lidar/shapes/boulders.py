@@ -31,7 +31,6 @@ def rock_diameters(
     area_m2 : of the ground [m2].
     smallest_m, largest_m : limits of the diameters [m].
     covered : share of the area under rocks of all sizes.
-    rng : of the rocks.
     """
     if covered <= 0.0:
         return np.empty(0)

@@ -48,7 +48,6 @@ class _Numbers:
 
         Parameters
         ----------
-        seed, kind : of the fragment.
         stream : number of the stream.
         """
         self._key = packed(np.random.SeedSequence(seed).generate_state(2, np.uint32))
@@ -201,7 +200,6 @@ def _make_rod(numbers: _Numbers, aspect: float) -> Solid:
     Parameters
     ----------
     numbers : random numbers of the fragment.
-    aspect : length over width.
     """
     sides, stations = 12, 28
     sine, cosine = sine_cosine(np.arange(sides) * (2.0 * math.pi / sides))
@@ -307,7 +305,6 @@ def _fit(solid: Solid, length_m: float) -> Solid:
 
     Parameters
     ----------
-    solid : the solid.
     length_m : characteristic length [m].
     """
     axes, found = _measure(solid.vertices)

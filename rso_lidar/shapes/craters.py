@@ -26,7 +26,6 @@ def crater_diameters(
     area_m2 : of the ground [m2].
     smallest_m, largest_m : limits of the diameters [m].
     fraction : share of the density in equilibrium.
-    rng : of the craters.
     """
     per_m2 = fraction * EQUILIBRIUM * (smallest_m**-2 - largest_m**-2)
     number = rng.poisson(per_m2 * area_m2)
@@ -68,7 +67,6 @@ def add_craters(
     x_m, y_m : evenly spaced coordinates of the columns and of the rows [m].
     smallest_m, largest_m : limits of the diameters [m].
     fraction : share of the density in equilibrium.
-    rng : of the craters.
     """
     heights = np.zeros((len(y_m), len(x_m)))
     margin = 0.5 * _REACH * largest_m
@@ -88,14 +86,7 @@ def add_craters(
 
 
 def _within(axis: np.ndarray, middle: float, reach: float) -> slice:
-    """Return the slice of an evenly spaced axis, rising or falling, that lies within a distance of a point.
-
-    Parameters
-    ----------
-    axis : evenly spaced coordinates.
-    middle : the point.
-    reach : the distance.
-    """
+    """Return the slice of an evenly spaced axis, rising or falling, that lies within a distance of a point."""
     step = float(axis[1] - axis[0])
     ends = sorted(((middle - reach - axis[0]) / step, (middle + reach - axis[0]) / step))
     return slice(max(0, math.ceil(ends[0])), min(len(axis), math.floor(ends[1]) + 1))

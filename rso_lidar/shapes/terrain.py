@@ -70,7 +70,6 @@ def _boulders(heights: np.ndarray, cell_m: float, rocks: Abundance, rng: np.rand
     Parameters
     ----------
     heights, cell_m : (row, col) heights [m], and their spacing [m].
-    rocks, rng : sizes and abundance of the boulders, and their generator.
     """
     side = (len(heights) - 1) * cell_m
     diameters = rock_diameters(side**2, rocks.smallest_m, rocks.largest_m, rocks.fraction, rng)

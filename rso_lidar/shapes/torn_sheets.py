@@ -52,7 +52,6 @@ def draw_outline(numbers: UniformNumbers, corners: int, ragged: float, squeeze: 
     numbers : random numbers of the fragment.
     corners : number of the long waves.
     ragged : height of the teeth, share of the radius.
-    squeeze : width over length.
 
     Returns
     -------
@@ -80,7 +79,6 @@ def build_sheet(outline: np.ndarray, thickness: float, rings: int) -> Solid:
     ----------
     outline : (n, 2) points.
     thickness : in the unit of the outline.
-    rings : of facets between the middle and the outline.
     """
     n = len(outline)
     share = np.arange(1, rings + 1) / rings
@@ -113,7 +111,6 @@ def bend_solids(
     solids : sheets or rods about the plane z = 0, bent alike.
     curl : rolling angle per unit length [rad].
     folds : number of creases.
-    depth : greatest slope of a crease.
     along_x : whether solids are rolled along x, as rods are, and not along a random direction.
     """
     heights = [np.zeros(len(solid.vertices)) for solid in solids]

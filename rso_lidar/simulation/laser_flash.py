@@ -97,9 +97,7 @@ def assemble_frame(
     Parameters
     ----------
     scenario, truth, lidar, index : what was flown, where everything was, the instrument in force, number of the frame
-    reading, labels : what the sensor said, and what was there
     kept : intermediate records that the user requested
-    sensors : samples of other sensors since the flash before, by name
     """
     measured = truth.pointing.measured_rad if truth.pointing else None
     sight = lidar.receiver.line_of_sight

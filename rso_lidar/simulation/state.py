@@ -41,7 +41,6 @@ def digest_scenario(scenario: Scenario, numbers: np.ndarray, *, commanded: bool)
     Parameters
     ----------
     scenario : whatever its seed
-    numbers : of the frames
     commanded : whether commands may be given
     """
     without_seed = re.sub(r"(?m)^seed = .*$", "", scenario.source.scenario, count=1)  # that of the scenario comes first
@@ -54,7 +53,6 @@ def check_state(state: SimulationState, digest: str, n_frames: int) -> None:
     Parameters
     ----------
     state : from `Simulation.save`
-    digest : of what the simulation flies
     n_frames : number of its frames
 
     Raises

@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import IO
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.export import FORMAT_SUFFIXES, read_status
+from rso_lidar.export import FORMATS, read_status
 from rso_lidar.files import write_text
 from rso_lidar.studio.model.recording_list import RECORDINGS
 from rso_lidar.studio.model.root_folder import Folder
@@ -26,6 +26,7 @@ _JOURNAL = ".rso_lidar_studio.json"  # jobs that are not done, for the next star
 _POLL_S, _LAST_BYTES, _MOST_JOBS, _MOST_JOURNAL_BYTES = 0.5, 4000, 100, 2**20
 _STILL_RUNNING = "still running, begun by an earlier studio"
 _STEPS = re.compile(r"(\d+)/(\d+), ([\d.]+) \w+/s")  # lines of progress of the command line
+_EXPORT_SUFFIXES = tuple(suffix for form in FORMATS.values() for suffix in form.suffixes)
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ KINDS = {
     "budget": JobKind("Link budget", "budget {source} -o {output}", (".toml",), (".png", ".csv", ".svg")),
     "trade": JobKind("Trade study", "trade {source} -o {output}", (".toml",), (".html",)),
     "dataset": JobKind("Dataset", "dataset make {source} -o {output}", (".toml",), ("",)),
-    "export": JobKind("Export", "export {source} --to {output}", RECORDINGS, tuple(FORMAT_SUFFIXES)),
+    "export": JobKind("Export", "export {source} --to {output}", RECORDINGS, _EXPORT_SUFFIXES),
     "sheet": JobKind("Contact sheet", "plot {source} -o {output}", RECORDINGS, (".png",)),
     "curves": JobKind("Curves", "plot {source} --curves -o {output}", RECORDINGS, (".png", ".svg")),
     "animate": JobKind("Animation", "animate {source} {output}", RECORDINGS, (".gif", ".mp4")),
@@ -255,12 +256,7 @@ class JobQueue:
         self._end(job, "done" if code == 0 else "stopped" if job.is_stopping else "failed", line)
 
     def _end(self, job: Job, state: str, message: str) -> None:
-        """Note that a job has ended.
-
-        Parameters
-        ----------
-        job, state, message : the job, how it ended, and a line about it
-        """
+        """Note that a job has ended."""
         with self._lock:
             job.state, job.message = state, message or state
         if not self._is_closing:

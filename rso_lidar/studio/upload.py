@@ -16,12 +16,6 @@ MOST_BYTES = 64 * 2**20
 def keep_upload(folder: Folder, name: str, content: bytes) -> str:
     """Write an uploaded file into the folder after its reader has read it, and return a line about it.
 
-    Parameters
-    ----------
-    folder : of the studio
-    name : of the file
-    content : of the file
-
     Raises
     ------
     RsoLidarError

@@ -9,7 +9,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RecordingError
-from rso_lidar.export import FORMAT_SUFFIXES, FORMATS
+from rso_lidar.export import FORMATS
+from rso_lidar.export.registry import FORMAT_SUFFIXES
 from rso_lidar.shipped import shipped
 from tests.settings_for_tests import limit_pixels
 

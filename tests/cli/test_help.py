@@ -14,7 +14,7 @@ import pytest
 import typer
 
 from rso_lidar.cli.app import COMMANDS, app, load_command
-from rso_lidar.export import FORMAT_SUFFIXES
+from rso_lidar.export.registry import FORMAT_SUFFIXES
 from tests.house.test_start import LATER
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -163,6 +163,39 @@ def read(distance_m, *rows, **options):
     """
 
 
+NOISE = re.compile(r"^\*{0,2}(\w+(?:, \*{0,2}\w+)*) : ((?:[a-z]+,? ?){1,3})$", re.MULTILINE)  # "flight : the flight"
+TELLING = re.compile(r"\b(axes|rows|columns|pixels|cells|indices|radians|tangents|seed|written|number|time|missing)\b")
+
+
+def noise(function):
+    """Return the entries of a docstring that tell no unit, shape, number or default: up to three plain words."""
+    entries = NOISE.findall(sections(inspect.getdoc(function) or "").get("Parameters", ""))
+    return [f"{name} : {text}" for name, text in entries if not TELLING.search(text)]
+
+
+def test_private_functions_have_no_entries_that_tell_nothing():
+    found = {}
+    for holder in (*modules(), *classes()):
+        for name, function in members(holder).items():
+            if name.startswith("_") and name != "__init__" and (empty := noise(function)):
+                found[f"{function.__module__}: {function.__qualname__}"] = empty
+    assert not found
+
+
+def test_an_entry_that_tells_nothing_is_seen():
+    def _fly(flight, rows, time_s):
+        """Fly.
+
+        Parameters
+        ----------
+        flight : the flight
+        rows : rows of pixels
+        time_s : (time,) [s]
+        """
+
+    assert noise(_fly) == ["flight : the flight"]
+
+
 def test_what_is_left_out_is_seen():
     assert len(exported()) > 300 and len(protocols()) > 5
     assert described(inspect.getdoc(read)) == {"distance_m", "rows", "options"}

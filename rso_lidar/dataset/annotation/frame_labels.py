@@ -45,10 +45,10 @@ def label_frame(
 
     Parameters
     ----------
-    frame : frame that was simulated with ``keep=("hits", "signal")``.
-    scenario : of the frame.
-    target : number of the target that the labels describe, or None where the frame has none.
-    part_classes : names of the common part classes, in the order in which they are numbered.
+    frame : frame that was simulated with ``keep=("hits", "signal")``
+    scenario : of the frame
+    target : number of the target that the labels describe, or None where the frame has none
+    part_classes : names of the common part classes, in the order in which they are numbered
 
     Returns
     -------
@@ -104,11 +104,6 @@ def number_part_classes(source: Source, part_classes: Sequence[str]) -> np.ndarr
     """Return the number of the common class of each part (target, part) of a recording.
 
     All parts of a recording without part classes, and parts whose class is not in the list, get the number of `other`.
-
-    Parameters
-    ----------
-    source : of the recording.
-    part_classes : names of the classes, in the order in which they are numbered.
     """
     numbers = {name: number for number, name in enumerate(part_classes)}
     most = max((len(target.parts) for target in source.targets), default=0)

@@ -27,10 +27,7 @@ def measure_part_visibility(
 
     Parameters
     ----------
-    frame : frame whose poses are used.
-    scenario : of the frame.
-    target : number of the target, or None where the frame has none.
-    part_classes : names of the common part classes, in the order in which they are numbered.
+    target : number of the target, or None where the frame has none
 
     Returns
     -------
@@ -80,9 +77,9 @@ def mark_silhouettes(corners: np.ndarray, kind: np.ndarray, covered: np.ndarray)
 
     Parameters
     ----------
-    corners : (facet, 3, right_down) in cells, 0 at the outer edges of the first cells.
-    kind : (facet) index of the first axis of `covered`.
-    covered : (kind, row, col) bool, written in place.
+    corners : (facet, 3, right_down) in cells, 0 at the outer edges of the first cells
+    kind : (facet) index of the first axis of `covered`
+    covered : (kind, row, col) bool, written in place
     """
     _, n_rows, n_cols = covered.shape
     for k in range(len(kind)):

@@ -74,12 +74,12 @@ def check_folder(
 
     Parameters
     ----------
-    folder : of the dataset.
-    samples : number of samples that are made again.
-    files : folder in which relative paths of meshes and orbit files start (None: the dataset's folder).
-    seed : random seed of the choice of these samples.
-    on_shard : called after each shard with the number of hashed shards and the number of all shards.
-    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that its scenario names may run.
+    folder : of the dataset
+    samples : number of samples that are made again
+    files : folder in which relative paths of meshes and orbit files start (None: the dataset's folder)
+    seed : random seed of the choice of these samples
+    on_shard : called after each shard with the number of hashed shards and the number of all shards
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that its scenario names may run
 
     Returns
     -------
@@ -129,10 +129,9 @@ def load_plan(
 
     Parameters
     ----------
-    dataset : the dataset.
     files : folder in which relative paths start (None: the dataset's). Without it, files other than meshes are not
-        compared with their hash.
-    trust_code, trust_fmu : whether Python code and FMUs that its scenario names may run.
+        compared with their hash
+    trust_code, trust_fmu : whether Python code and FMUs that its scenario names may run
 
     Raises
     ------
@@ -197,9 +196,8 @@ def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.
 
     Parameters
     ----------
-    dataset, plan : the dataset.
-    count : number of samples.
-    rng : random generator that chooses the samples.
+    count : number of samples
+    rng : random generator that chooses the samples
     """
     frames, problems = 0, []
     names = list_names(plan)
@@ -227,9 +225,7 @@ def _compare(split: Split, row: int, frame: LabelledFrame, drawn: list[float], n
 
     Parameters
     ----------
-    split, row : where the frame is.
-    frame : made again.
-    drawn, names : drawn numbers, and their names.
+    split, row : where the frame is
     """
     stored = split[row]
     made = {name: getattr(frame, name) for name in specs(LabelledFrame)}

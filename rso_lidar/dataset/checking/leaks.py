@@ -24,9 +24,8 @@ def find_leaks(columns: Mapping[str, np.ndarray], group: np.ndarray, names: Sequ
 
     Parameters
     ----------
-    columns : numbers (sample) by name, NaN where there is none.
-    group : (sample) index of the group, such as the class.
-    names : of the groups.
+    columns : numbers (sample) by name, NaN where there is none
+    group : (sample) index of the group, such as the class
 
     Returns
     -------
@@ -64,8 +63,8 @@ def find_constants(offset_px: np.ndarray, reporting: np.ndarray) -> list[str]:
 
     Parameters
     ----------
-    offset_px : (frame) distance of the target's origin from the centre of the image [px], NaN without a target.
-    reporting : (frame) number of pixels that reported the target, negative without a target.
+    offset_px : (frame) distance of the target's origin from the centre of the image [px], NaN without a target
+    reporting : (frame) number of pixels that reported the target, negative without a target
 
     Returns
     -------

@@ -31,8 +31,8 @@ def find_order_leaks(orders: Mapping[str, np.ndarray], group: np.ndarray) -> lis
 
     Parameters
     ----------
-    orders : whole numbers (sample) by name, such as places in a file; -1 for samples that are not in it.
-    group : (sample) class of each sample, from 0.
+    orders : whole numbers (sample) by name, such as places in a file; -1 for samples that are not in it
+    group : (sample) class of each sample, from 0
 
     Returns
     -------
@@ -64,7 +64,7 @@ def _try_rules(order: np.ndarray, group: np.ndarray) -> Iterator[_RuleTest]:
 
     Parameters
     ----------
-    order, group : (sample) whole numbers and classes.
+    order, group : (sample) whole numbers and classes
     """
     count = len(order)
     if not count or len(np.unique(group)) < 2:
@@ -89,9 +89,9 @@ def _try_rule(rule: str, cell: np.ndarray, group: np.ndarray, is_found_with: np.
 
     Parameters
     ----------
-    rule : what the cells are, such as "its number modulo 7".
-    cell, group : (sample) numbers of the cells, and classes.
-    is_found_with : (sample) samples that the rule is found with.
+    rule : what the cells are, such as "its number modulo 7"
+    cell, group : (sample) numbers of the cells, and classes
+    is_found_with : (sample) samples that the rule is found with
     """
     classes = int(group.max()) + 1
     known = np.bincount(cell[is_found_with] * classes + group[is_found_with], minlength=(int(cell.max()) + 1) * classes)

@@ -33,11 +33,11 @@ class SpecCheck:
 
     Parameters
     ----------
-    plan : of the dataset.
-    statistics : of the frames that were flown.
-    drawn_warnings : leaks in drawn numbers, found without a flight.
-    frame_s : time that one process takes for a frame [s].
-    frame_bytes : bytes of a frame on disk.
+    plan : of the dataset
+    statistics : of the frames that were flown
+    drawn_warnings : leaks in drawn numbers, found without a flight
+    frame_s : time that one process takes for a frame [s]
+    frame_bytes : bytes of a frame on disk
     """
 
     plan: DatasetPlan
@@ -82,8 +82,8 @@ def check_spec(spec: DatasetSpec | str | Path, *, trust_code: bool = False, trus
 
     Parameters
     ----------
-    spec : the specification, or its TOML file.
-    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that the scenario names may run.
+    spec : the specification, or its TOML file
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that the scenario names may run
 
     Returns
     -------

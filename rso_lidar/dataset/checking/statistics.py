@@ -31,8 +31,8 @@ class LabelStatistics:
 
     Parameters
     ----------
-    columns : arrays (frame) by name: those of `COLUMNS`, and drawn numbers.
-    classes : names of the classes.
+    columns : arrays (frame) by name: those of `COLUMNS`, and drawn numbers
+    classes : names of the classes
     """
 
     columns: Mapping[str, np.ndarray]

@@ -29,10 +29,10 @@ class CocoWriter:
 
         Parameters
         ----------
-        image : entry of the image, without its number.
-        mask : (row, col) bool, pixels of the target. If it is empty, the frame has no annotation.
-        category : number of the target's class.
-        more : further keys of the annotation.
+        image : entry of the image, without its number
+        mask : (row, col) bool, pixels of the target. If it is empty, the frame has no annotation
+        category : number of the target's class
+        more : further keys of the annotation
         """
         self._write(self._images, 0, {"id": self._counts[0] + 1, **image})
         if mask.any():
@@ -45,9 +45,7 @@ class CocoWriter:
 
         Parameters
         ----------
-        stream : of the list.
-        kind : 0 for images, 1 for annotations.
-        entry : to write.
+        kind : 0 for images, 1 for annotations
         """
         stream.write(f"{',' if self._counts[kind] else ''}\n{json.dumps(entry)}")
         self._counts[kind] += 1
@@ -59,9 +57,7 @@ def open_coco(place: Path, info: Mapping[str, Any], categories: Sequence[str]) -
 
     Parameters
     ----------
-    place : of the file, in a folder of temporary files.
-    info : about the data set.
-    categories : names of the classes; their numbers in the file start at 1, because many readers take 0 for background.
+    categories : names of the classes; their numbers in the file start at 1, because many readers take 0 for background
     """
     listed = [{"id": number, "name": name, "supercategory": "target"} for number, name in enumerate(categories, 1)]
     beside = place.with_suffix(".annotations")
@@ -82,7 +78,7 @@ def outline_mask(mask: np.ndarray) -> dict[str, Any]:
 
     Parameters
     ----------
-    mask : (row, col) bool, with at least one pixel.
+    mask : (row, col) bool, with at least one pixel
 
     Returns
     -------
@@ -103,7 +99,7 @@ def measure_runs(mask: np.ndarray) -> list[int]:
 
     Parameters
     ----------
-    mask : (row, col) bool.
+    mask : (row, col) bool
 
     >>> measure_runs(np.array([[False, True], [False, True], [True, False]]))
     [2, 3, 1]

@@ -14,7 +14,7 @@ from rso_lidar.dataset.conversion.tar_archives import write_tar_archives
 from rso_lidar.dataset.conversion.tensorflow_files import write_tensorflow_files
 from rso_lidar.dataset.shards.layout import is_image
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export import BOP_FULL, check_folder, draft_folder
+from rso_lidar.export import check_export_folder, draft_export_folder
 from rso_lidar.units import MM
 
 if TYPE_CHECKING:
@@ -46,13 +46,13 @@ def export_dataset(
 
     Parameters
     ----------
-    data : the dataset.
-    path : of the folder to write.
-    to : name of the format, one of `EXPORT_FORMATS`.
-    splits : names of the splits to write; all if empty.
+    data : the dataset
+    path : of the folder to write
+    to : name of the format, one of `EXPORT_FORMATS`
+    splits : names of the splits to write; all if empty
     images : names of the arrays of images to write; ``all`` for all of them. If empty, those of the reading, the target
-        and the part classes.
-    overwrite : replace an older export once the new one is complete.
+        and the part classes
+    overwrite : replace an older export once the new one is complete
 
     Returns
     -------
@@ -68,7 +68,7 @@ def export_dataset(
     """
     chosen = _choose_splits(data, splits)
     _check_format(to, images)
-    place = check_folder(path, overwrite=overwrite)
+    place = check_export_folder(path, overwrite=overwrite)
     arrays = choose_images(data.split(chosen[0]), images)
     info: dict[str, Any] = {
         "description": data.spec.name,
@@ -79,13 +79,13 @@ def export_dataset(
         "part_classes": list(data.part_classes),
     }
     lines = []
-    with draft_folder(place, overwrite=overwrite) as draft:
+    with draft_export_folder(place, overwrite=overwrite) as draft:
         if to == "images":
             arrays, advice = list(IMAGES), f"this format has {', '.join(IMAGES)} only"
             info["range_step_mm"] = step_mm = write_image_folders(draft, data, chosen, info)
             lines.append(
                 f"range       {step_mm:g} mm per grey level; 0 is no return, or a range beyond "
-                f"{BOP_FULL * step_mm * MM:,.0f} m"
+                f"{(2**16 - 1) * step_mm * MM:,.0f} m"
             )
         else:
             info["images"], advice = arrays, "choose arrays by --arrays, or all of them by --arrays all"
@@ -102,8 +102,7 @@ def _choose_splits(data: Dataset, splits: Sequence[str]) -> list[str]:
 
     Parameters
     ----------
-    data : the dataset.
-    splits : names; all if empty.
+    splits : names; all if empty
     """
     chosen = list(dict.fromkeys(splits or data.splits))
     if not chosen:
@@ -118,8 +117,8 @@ def _check_format(to: str, images: Sequence[str]) -> None:
 
     Parameters
     ----------
-    to : name of the format.
-    images : names of the chosen arrays.
+    to : name of the format
+    images : names of the chosen arrays
     """
     if to == "matlab":
         raise DatasetError("matlab: reads the shards as they are; see examples/matlab/dataset_datastore.m")

@@ -43,12 +43,6 @@ class ExportedFrame:
 def read_frames(data: Dataset, split: str, images: Sequence[str]) -> Iterator[ExportedFrame]:
     """Read the frames of a split in their order.
 
-    Parameters
-    ----------
-    data : the dataset.
-    split : name of the split.
-    images : names of the arrays of images to read.
-
     Yields
     ------
     ExportedFrame
@@ -66,11 +60,6 @@ def read_frames(data: Dataset, split: str, images: Sequence[str]) -> Iterator[Ex
 def read_batches(frames: Split, names: Sequence[str]) -> Iterator[dict[str, np.ndarray]]:
     """Read arrays of a split in the order of its frames, a few frames at a time.
 
-    Parameters
-    ----------
-    frames : the split.
-    names : of the arrays.
-
     Yields
     ------
     dict
@@ -86,8 +75,7 @@ def divide(frames: Iterable[ExportedFrame], size: int = FRAMES_PER_FILE) -> Iter
 
     Parameters
     ----------
-    frames : in their order.
-    size : number of frames of all groups but the last.
+    size : number of frames of all groups but the last
     """
     left = iter(frames)
     for first in left:
@@ -99,8 +87,7 @@ def choose_images(frames: Split, wanted: Sequence[str]) -> list[str]:
 
     Parameters
     ----------
-    frames : a split.
-    wanted : names of arrays; ``all`` stands for all of them. If empty, `USUAL_IMAGES`.
+    wanted : names of arrays; ``all`` stands for all of them. If empty, `USUAL_IMAGES`
 
     Returns
     -------
@@ -123,10 +110,6 @@ def choose_images(frames: Split, wanted: Sequence[str]) -> list[str]:
 def name_frame(numbers: Mapping[str, Any]) -> str:
     """Return the name of a frame, unique in its dataset: sample, step and draw.
 
-    Parameters
-    ----------
-    numbers : of the frame.
-
     >>> name_frame({"sample": 17, "step": 2, "draw": 1})
     '00000017-0002-01'
     """
@@ -135,13 +118,7 @@ def name_frame(numbers: Mapping[str, Any]) -> str:
 
 
 def find_names(data: Dataset, numbers: Mapping[str, Any]) -> dict[str, str | None]:
-    """Return the names of the class, model and sensor of a frame; None where it has none.
-
-    Parameters
-    ----------
-    data : the dataset.
-    numbers : of the frame.
-    """
+    """Return the names of the class, model and sensor of a frame; None where it has none."""
     lists = {"class": data.classes, "model": data.models, "sensor": data.sensors}
     places = {word: int(numbers[f"{word}_id"]) for word in lists}
     return {word: names[places[word]] if places[word] >= 0 else None for word, names in lists.items()}

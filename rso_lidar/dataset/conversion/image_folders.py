@@ -11,7 +11,7 @@ import numpy as np
 from rso_lidar.dataset.annotation.frame_labels import LEAST_PHOTONS
 from rso_lidar.dataset.conversion.coco_annotations import CocoWriter, open_coco
 from rso_lidar.dataset.conversion.frame_batches import ExportedFrame, read_batches, read_frames
-from rso_lidar.export import BOP_BEYOND, BOP_BEYOND_M, BOP_FULL, choose_depth_scale, encode_png
+from rso_lidar.export import choose_depth_scale, encode_png, quantize_depth
 from rso_lidar.units import MM
 
 if TYPE_CHECKING:
@@ -30,19 +30,12 @@ def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info
     A grey level of a range image is a step of range, the same in all images of the folder. Grey level 0 is no return, or a
     range beyond 65,535 steps.
 
-    Parameters
-    ----------
-    folder : to write into.
-    data : the dataset.
-    splits : names of the splits to write.
-    info : about the dataset, for the annotation files.
-
     Returns
     -------
     float
         Step of range [mm]: the finest of 0.1, 0.2, 0.5, 1, … with which 16 bits reach the farthest true range.
     """
-    step_mm = choose_depth_scale(_find_farthest_m(data, splits) / MM)
+    step_mm = choose_depth_scale(_find_farthest_m(data, splits))
     (folder / "annotations").mkdir()
     for split in splits:
         for kind in ("range", "intensity", *MASKS):
@@ -56,19 +49,13 @@ def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info
 
 
 def _find_farthest_m(data: Dataset, splits: Sequence[str]) -> float:
-    """Return the range [m] that an image has to reach: the farthest true range of the splits, and a margin.
-
-    Parameters
-    ----------
-    data : the dataset.
-    splits : names of the splits.
-    """
+    """Return the farthest true range [m] of the splits."""
     farthest_m = 0.0
     for split in splits:
         for batch in read_batches(data.split(split), ["true_range_m"]):
             known = batch["true_range_m"][np.isfinite(batch["true_range_m"])]
             farthest_m = max(farthest_m, float(known.max(initial=0.0)))
-    return BOP_BEYOND * farthest_m + BOP_BEYOND_M
+    return farthest_m
 
 
 def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
@@ -76,29 +63,19 @@ def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
 
     Parameters
     ----------
-    folder : of the split.
-    frame : with its images.
-    step_mm : range of one grey level [mm].
+    step_mm : range of one grey level [mm]
     """
-    range_m = frame.images["range_m"]
-    valid = np.isfinite(range_m)
-    levels = np.zeros(range_m.shape)
-    levels[valid] = np.maximum(np.rint(range_m[valid].astype(float) / (step_mm * MM)), 1)
-    levels[levels > BOP_FULL] = 0  # false alarms far behind all bodies
-    pictures = {"range": levels.astype(np.uint16), "intensity": frame.images["intensity_counts"].astype(np.uint16)}
+    levels = quantize_depth(
+        frame.images["range_m"].astype(float), step_mm * MM
+    )  # 0 for false alarms far behind all bodies
+    pictures = {"range": levels, "intensity": frame.images["intensity_counts"].astype(np.uint16)}
     pictures |= {mask: (frame.images[mask] + 1).astype(np.uint8) for mask in MASKS}
     for kind, picture in pictures.items():
         (folder / kind / f"{frame.name}.png").write_bytes(encode_png(picture))
 
 
 def _annotate(coco: CocoWriter, frame: ExportedFrame) -> None:
-    """Add a frame, and its target where there is one, to the annotations of its split.
-
-    Parameters
-    ----------
-    coco : the annotations.
-    frame : with its images.
-    """
+    """Add a frame, and its target where there is one, to the annotations of its split."""
     n_rows, n_cols = frame.images["target"].shape
     facts = frame.description
     image = {"file_name": f"{facts['split']}/intensity/{frame.name}.png", "height": n_rows, "width": n_cols}

@@ -21,13 +21,6 @@ def write_tar_archives(folder: Path, data: Dataset, splits: Sequence[str], image
     """Write ``<split>-<number>.tar`` with ``<frame>.<image>.npy``, ``<frame>.json`` and ``<frame>.cls`` of each frame.
 
     Archives hold no dates and no owners, so equal frames give equal bytes.
-
-    Parameters
-    ----------
-    folder : to write into.
-    data : the dataset.
-    splits : names of the splits to write.
-    images : names of the arrays of images to write.
     """
     for split in splits:
         for number, group in enumerate(divide(read_frames(data, split, images))):

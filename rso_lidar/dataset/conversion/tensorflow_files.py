@@ -20,13 +20,6 @@ def write_tensorflow_files(folder: Path, data: Dataset, splits: Sequence[str], i
 
     Images are raw little-endian bytes, beside ``<name>/shape`` and ``<name>/dtype``. Numbers are features of their own
     names. Texts are ``name``, ``split``, ``class``, ``model`` and ``sensor``, empty where there is none.
-
-    Parameters
-    ----------
-    folder : to write into.
-    data : the dataset.
-    splits : names of the splits to write.
-    images : names of the arrays of images to write.
     """
     for split in splits:
         for number, group in enumerate(divide(read_frames(data, split, images))):

@@ -39,7 +39,7 @@ def compute_crc32c(content: np.ndarray) -> Any:
 
     Parameters
     ----------
-    content : (byte) uint8.
+    content : (byte) uint8
     """
     crc = np.uint32(_ALL_ONES)
     for byte in content:
@@ -48,12 +48,7 @@ def compute_crc32c(content: np.ndarray) -> Any:
 
 
 def frame_record(content: bytes) -> bytes:
-    """Put the length and the checksums around the data of one record.
-
-    Parameters
-    ----------
-    content : the data.
-    """
+    """Put the length and the checksums around the data of one record."""
     length = struct.pack("<Q", len(content))
     return length + _mask_checksum(length) + content + _mask_checksum(content)
 
@@ -63,7 +58,7 @@ def encode_example(features: Mapping[str, Any]) -> bytes:
 
     Parameters
     ----------
-    features : by name: a text, bytes, or an array of numbers. Integers become 64 bits, and all other numbers 32.
+    features : by name: a text, bytes, or an array of numbers. Integers become 64 bits, and all other numbers 32
 
     Returns
     -------

@@ -32,9 +32,7 @@ def list_models(spec: DatasetSpec, one: ClassOfTargets, base: Scenario) -> tuple
 
     Parameters
     ----------
-    spec : the specification.
-    one : the class.
-    base : the scenario; its target's model is used for a class without models.
+    base : the scenario; its target's model is used for a class without models
 
     Raises
     ------
@@ -79,9 +77,7 @@ def find_meshes(spec: DatasetSpec, named: tuple[tuple[str, ...], ...], base: Sce
 
     Parameters
     ----------
-    spec : the specification.
-    named : (class) names of models.
-    base, folder : the scenario, and the folder in which relative paths start.
+    named : (class) names of models
 
     Raises
     ------
@@ -109,11 +105,6 @@ def find_meshes(spec: DatasetSpec, named: tuple[tuple[str, ...], ...], base: Sce
 def find_mesh(name: str, folder: Path) -> Mesh:
     """Return the mesh of a model.
 
-    Parameters
-    ----------
-    name : of the catalogue, or a path.
-    folder : start of a relative path.
-
     Raises
     ------
     MeshError
@@ -132,11 +123,6 @@ def hash_named_files(spec: DatasetSpec, tables: dict[str, Any], folder: Path) ->
 
     Orbits, attitudes, heights, materials, lens data and Python files of `dynamics` are such files. Every text that names a
     file counts, so that new parts need no entry here. Names of files that do not exist are left out.
-
-    Parameters
-    ----------
-    spec, tables : the specification, and the tables of its scenario.
-    folder : start of relative paths.
 
     Raises
     ------

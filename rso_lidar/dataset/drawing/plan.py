@@ -143,7 +143,7 @@ class DatasetPlan:
 
         Parameters
         ----------
-        index : (sample) numbers of the samples.
+        index : (sample) numbers of the samples
         """
         number = shuffle_samples(self.spec.seed, index, self.spec.n_samples)
         target_class = np.searchsorted(self._ends, number, side="right").astype(np.int16)
@@ -155,7 +155,7 @@ class DatasetPlan:
 
         Parameters
         ----------
-        index : number of the sample.
+        index : number of the sample
         """
         target_class, number = self._find_classes(np.array([index]))
         k = int(target_class[0])
@@ -174,8 +174,8 @@ class DatasetPlan:
 
         Parameters
         ----------
-        one, k : the class, and its index.
-        number : (sample) numbers in the class.
+        one, k : the class, and its index
+        number : (sample) numbers in the class
         """
         rule = self.spec.split
         if isinstance(rule, RandomSplit):
@@ -195,8 +195,8 @@ class DatasetPlan:
 
         Parameters
         ----------
-        k : index of the class.
-        number : (sample) numbers in the class.
+        k : index of the class
+        number : (sample) numbers in the class
         """
         return self._choose(k, number, "model", len(self.class_models[k]))
 
@@ -205,8 +205,8 @@ class DatasetPlan:
 
         Parameters
         ----------
-        k : index of the class.
-        number : (sample) numbers in the class.
+        k : index of the class
+        number : (sample) numbers in the class
         """
         return self._choose(k, number, "sensor", len(self.sensors))
 
@@ -215,9 +215,9 @@ class DatasetPlan:
 
         Parameters
         ----------
-        k : index of the class.
-        number : (sample) numbers in the class.
-        what, count : name of the choice, which is part of its random address, and number of options.
+        k : index of the class
+        number : (sample) numbers in the class
+        what, count : name of the choice, which is part of its random address, and number of options
         """
         share = draw_shares(self.spec.seed, self.spec.classes[k].name, number, what)[:, 0]
         chosen: np.ndarray = (share * count).astype(np.int64)
@@ -259,9 +259,8 @@ def make_plan(
 
     Parameters
     ----------
-    given : the specification, or its TOML file.
-    files : folder in which relative paths of meshes and orbit files start (None: that of the scenario).
-    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names.
+    files : folder in which relative paths of meshes and orbit files start (None: that of the scenario)
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names
 
     Raises
     ------

@@ -52,9 +52,8 @@ class _Draws:
 
         Parameters
         ----------
-        spec : the specification.
-        k, number : index of the class, and number of the sample in it.
-        forced : numbers from 0 to below 1 by variable, in place of those that are drawn.
+        k, number : index of the class, and number of the sample in it
+        forced : numbers from 0 to below 1 by variable, in place of those that are drawn
         """
         self._forced = forced
         self._spec, self._group, self._number = spec, spec.classes[k].name, number
@@ -64,13 +63,7 @@ class _Draws:
             self._left = _halton(spec.seed, self._group, dimensions).at(number)
 
     def draw(self, variable: str, law: Any) -> Any:
-        """Draw the value of a variable, and store it in `values`.
-
-        Parameters
-        ----------
-        variable : its name, which decides the random numbers.
-        law : of its values.
-        """
+        """Draw the value of a variable, and store it in `values`."""
         if self._spec.sampling == "halton" and not variable.startswith("clutter."):
             share, self._left = self._left[: law.dimensions], self._left[law.dimensions :]
         else:
@@ -83,12 +76,7 @@ class _Draws:
 
 @lru_cache(maxsize=256)
 def _halton(seed: int, group: str, dimensions: int) -> HaltonPoints:
-    """Return the Halton points of a class.
-
-    Parameters
-    ----------
-    seed, group, dimensions : of the dataset, the class, and a point.
-    """
+    """Return the Halton points of a class."""
     return HaltonPoints(seed, group, dimensions)
 
 
@@ -115,8 +103,7 @@ def list_ends(spec: DatasetSpec, k: int) -> list[dict[str, float]]:
 
     Parameters
     ----------
-    spec : the specification.
-    k : index of the class.
+    k : index of the class
     """
     ends = []
     for one in spec.variable:
@@ -132,9 +119,7 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
 
     Parameters
     ----------
-    plan : of the dataset.
-    index : of the sample.
-    forced : numbers from 0 to below 1 by variable, in place of those that are drawn; for checks.
+    forced : numbers from 0 to below 1 by variable, in place of those that are drawn; for checks
 
     Raises
     ------
@@ -182,13 +167,7 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
 
 
 def _check_shape(scenario: Scenario, plan: DatasetPlan) -> None:
-    """Raise `DatasetError` for images of another size than those of the first sensor.
-
-    Parameters
-    ----------
-    scenario : of a sample.
-    plan : of the dataset.
-    """
+    """Raise `DatasetError` for images of another size than those of the first sensor."""
     receiver = scenario.lidar.receiver
     if (receiver.n_rows, receiver.n_cols) != plan.image_shape:
         rows, cols = plan.image_shape
@@ -205,10 +184,7 @@ def _choose_target(
 
     Parameters
     ----------
-    tables : of the scenario, changed in place.
-    plan : of the dataset.
-    name : the model; None for no target.
-    one, draws : class of the sample, and its draws.
+    name : the model; None for no target
     """
     targets = _find_targets(tables, plan)
     if name is None:
@@ -223,9 +199,7 @@ def _choose_shape(name: str, fragments: DrawnFragments | None, draws: _Draws, pl
 
     Parameters
     ----------
-    name : of the model, or of a kind of fragments.
-    fragments, draws : fragments that can be drawn, and the draws of the sample.
-    place : start of the names of drawn values.
+    fragments, draws : fragments that can be drawn, and the draws of the sample
     """
     kinds = {} if fragments is None else {name_fragments(kind): kind for kind in fragments.kinds}
     if fragments is None or name not in kinds:
@@ -236,13 +210,7 @@ def _choose_shape(name: str, fragments: DrawnFragments | None, draws: _Draws, pl
 
 
 def _find_targets(tables: dict[str, Any], plan: DatasetPlan) -> list[dict[str, Any]]:
-    """Check that settings have kept the target that classes replace, and return the targets of a scenario.
-
-    Parameters
-    ----------
-    tables : of the scenario.
-    plan : of the dataset.
-    """
+    """Check that settings have kept the target that classes replace, and return the targets of a scenario."""
     targets = tables["target"]
     if not isinstance(targets, list) or not all(isinstance(one, dict) for one in targets[: plan.target_index + 1]):
         raise DatasetError(
@@ -262,10 +230,7 @@ def _place_view(
 
     Parameters
     ----------
-    tables : of the scenario, changed in place.
-    plan, view : of the dataset.
-    draws : of the sample.
-    has_target : whether the sample has a target.
+    has_target : whether the sample has a target
     """
     if "ptu" in tables:
         raise DatasetError(
@@ -299,12 +264,7 @@ def _place_view(
 
 @lru_cache(maxsize=64)
 def _read_lidar(text: str) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
-    """Return position [m] and rotation matrix of the lidar in follower axes, and the tangents of its half field.
-
-    Parameters
-    ----------
-    text : the lidar's tables as JSON.
-    """
+    """Return position [m] and rotation matrix of the lidar in follower axes, and the tangents of its half field."""
     lidar = validate_tables(Lidar, json.loads(text), "lidar")
     receiver = lidar.receiver
     half = 0.5 * receiver.pixel_pitch_m / receiver.focal_length_m
@@ -319,9 +279,9 @@ def _place(
 
     Parameters
     ----------
-    range_m : distance from the lidar [m].
-    offset : right and down from the boresight, 1 at the edge of the field.
-    seat : position and rotation of the lidar in follower axes, and the tangents of its half field.
+    range_m : distance from the lidar [m]
+    offset : right and down from the boresight, 1 at the edge of the field
+    seat : position and rotation of the lidar in follower axes, and the tangents of its half field
     """
     position, turn, (across, down) = seat
     ray = np.array([offset[0] * across, offset[1] * down, 1.0])
@@ -334,9 +294,7 @@ def _choose_frames(spec: DatasetSpec, scenario: Scenario, share: float) -> tuple
 
     Parameters
     ----------
-    spec : the specification.
-    scenario : of the sample.
-    share : uniform number from 0 to below 1, from which the first frame is drawn.
+    share : uniform number from 0 to below 1, from which the first frame is drawn
     """
     sequence, n_frames = spec.sequence, scenario.time.n_frames
     last = n_frames - 1 - (sequence.frames - 1) * sequence.stride

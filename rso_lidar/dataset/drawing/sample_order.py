@@ -20,9 +20,8 @@ def shuffle_samples(seed: int, index: np.ndarray, count: int) -> np.ndarray:
 
     Parameters
     ----------
-    seed : of the dataset.
-    index : (sample) numbers of samples in the dataset.
-    count : number of all samples of the dataset.
+    index : (sample) numbers of samples in the dataset
+    count : number of all samples of the dataset
     """
     places = np.empty(len(index), np.int64)
     _fill_places(find_key(seed), packed(np.asarray(index, np.int64)), count, hash_name("order"), places)
@@ -37,9 +36,8 @@ def assign_splits(seed: int, group: str, number: np.ndarray, val: float, test: f
 
     Parameters
     ----------
-    seed, group : of the dataset, and name of the class.
-    number : (sample) numbers in the class.
-    val, test : shares for validation and for the test; the rest trains.
+    number : (sample) numbers in the class
+    val, test : shares for validation and for the test; the rest trains
 
     Returns
     -------
@@ -62,10 +60,10 @@ def _fill_places(key: np.ndarray, index: np.ndarray, count: int, variable: int, 
 
     Parameters
     ----------
-    key : (2) uint32.
-    index, count : (sample) numbers of the samples, and the number of all samples.
-    variable : word of 32 bits.
-    places : (sample), written.
+    key : (2) uint32
+    index, count : (sample) numbers of the samples, and the number of all samples
+    variable : word of 32 bits
+    places : (sample), written
     """
     rows = int(np.ceil(np.sqrt(count)))
     cols = (count + rows - 1) // rows
@@ -88,10 +86,10 @@ def _fill_splits(number: np.ndarray, share: np.ndarray, val: float, test: float,
 
     Parameters
     ----------
-    number : (sample) numbers in the class.
-    share : (sample) random number of the sample's block, from 0 to below 1.
-    val, test : shares, from 0 to 1.
-    splits : (sample), written.
+    number : (sample) numbers in the class
+    share : (sample) random number of the sample's block, from 0 to below 1
+    val, test : shares, from 0 to 1
+    splits : (sample), written
     """
     held = val + test
     of_held = test / held if held > 0.0 else 0.0

@@ -34,11 +34,8 @@ def draw_shares(seed: int, group: str, number: np.ndarray, variable: str, dimens
 
     Parameters
     ----------
-    seed : of the dataset.
-    group : name of the class.
-    number : (sample) numbers of samples in the class.
-    variable : name of the variable.
-    dimensions : number of numbers for each sample.
+    number : (sample) numbers of samples in the class
+    dimensions : number of numbers for each sample
     """
     shares = np.empty((len(number), dimensions))
     fill_shares(find_key(seed), packed(np.asarray(number, np.int64)), hash_name(group), hash_name(variable), shares)
@@ -50,9 +47,8 @@ def draw_seed(seed: int, group: str, number: int, draw: int) -> int:
 
     Parameters
     ----------
-    seed : of the dataset.
-    group, number : name of the class, and number of the sample in it.
-    draw : number of the noise draw.
+    group, number : name of the class, and number of the sample in it
+    draw : number of the noise draw
     """
     words = draw_block(find_key(seed), draw, number, hash_name(group), hash_name("noise"))
     return (int(words[0]) << 32 | int(words[1])) % _MOST_SEED
@@ -64,10 +60,10 @@ def fill_shares(key: np.ndarray, number: np.ndarray, group: int, variable: int, 
 
     Parameters
     ----------
-    key : (2) uint32.
-    number : (sample) numbers in the class.
-    group, variable : words of 32 bits.
-    shares : (sample, dimension), written in place.
+    key : (2) uint32
+    number : (sample) numbers in the class
+    group, variable : words of 32 bits
+    shares : (sample, dimension), written in place
     """
     for k in range(len(number)):
         for dimension in range(shares.shape[1]):
@@ -81,9 +77,9 @@ class HaltonPoints:
 
     Parameters
     ----------
-    seed : of the dataset.
-    group : name of the class.
-    dimensions : of a point.
+    seed : of the dataset
+    group : name of the class
+    dimensions : of a point
     """
 
     def __init__(self, seed: int, group: str, dimensions: int) -> None:

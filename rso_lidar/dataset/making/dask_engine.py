@@ -27,10 +27,8 @@ def make_shards_by_dask(
 
     Parameters
     ----------
-    plan, folder : of the dataset.
-    numbers : of the shards.
-    workers : number of processes of a local cluster.
-    scheduler : address of a running scheduler, such as ``tcp://10.0.0.1:8786``, or ``local``.
+    workers : number of processes of a local cluster
+    scheduler : address of a running scheduler, such as ``tcp://10.0.0.1:8786``, or ``local``
 
     Raises
     ------

@@ -33,13 +33,7 @@ def list_kept(labels: OptionalLabels) -> tuple[str, ...]:
 
 
 def fly_sample(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[LabelledFrame, dict[str, float]]]:
-    """Fly one sample, and yield its labelled frames with the drawn numbers: by step, then by noise draw.
-
-    Parameters
-    ----------
-    plan : of the dataset.
-    sample : of the plan.
-    """
+    """Fly one sample, and yield its labelled frames with the drawn numbers: by step, then by noise draw."""
     drawn = list_numbers(sample)
     for step, flown, command in _fly(plan, sample):
         frame = _predict(plan, sample, flown, command)
@@ -61,12 +55,7 @@ def list_numbers(sample: Sample) -> dict[str, float]:
 
 
 def _fly(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[int, Frame, Command | None]]:
-    """Yield the frames of a sample with their places in the sequence and the commands that they were made under.
-
-    Parameters
-    ----------
-    plan, sample : of the dataset.
-    """
+    """Yield the frames of a sample with their places in the sequence and the commands that they were made under."""
     keep = list_kept(plan.spec.labels)
     if plan.spec.controller is None:
         for step, frame in enumerate(simulate(sample.scenario, frames=sample.frames, threads=1, keep=keep)):
@@ -89,14 +78,7 @@ def _fly(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[int, Frame, Comman
 
 
 def _predict(plan: DatasetPlan, sample: Sample, frame: Frame, command: Command | None) -> Frame:
-    """Add the prediction of each pixel to what a frame keeps, if the labels of the dataset hold it.
-
-    Parameters
-    ----------
-    plan, sample : of the dataset.
-    frame : of the sample.
-    command : under which it was made.
-    """
+    """Add the prediction of each pixel to what a frame keeps, if the labels of the dataset hold it."""
     if not plan.spec.labels.prediction:
         return frame
     photons: Any = frame.kept["photons"]
@@ -110,13 +92,6 @@ def _draw_again(plan: DatasetPlan, sample: Sample, frame: Frame, command: Comman
 
     If nothing before the detector is random, the light of the first draw is detected again. Otherwise the whole flash is
     made again, because jitter of the pulse and random paths of bounces are noise too.
-
-    Parameters
-    ----------
-    plan, sample : of the dataset.
-    frame : the first draw.
-    command : under which it was made.
-    seed : of the other noise.
     """
     scenario = sample.scenario
     lidar = scenario.instrument.at(frame.time_s, command)
@@ -135,9 +110,9 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
 
     Parameters
     ----------
-    plan, sample : of the dataset.
-    frame : of the sample, with the records of `list_kept`.
-    step, draw : place in the sequence, and number of the noise draw.
+    plan, sample : of the dataset
+    frame : of the sample, with the records of `list_kept`
+    step, draw : place in the sequence, and number of the noise draw
     """
     scenario, labels = sample.scenario, frame.labels
     found = label_frame(frame, scenario, sample.target)
@@ -193,8 +168,8 @@ def number_bodies(target: np.ndarray, own: int | None) -> np.ndarray:
 
     Parameters
     ----------
-    target : (row, col), index of the target in the scenario, -1 for sky.
-    own : index of the sample's target; None without one.
+    target : (row, col), index of the target in the scenario, -1 for sky
+    own : index of the sample's target; None without one
 
     >>> number_bodies(np.array([-1, 0, 1, 2]), 1), number_bodies(np.array([-1, 0, 1]), None)
     (array([-1,  1,  0,  2]), array([-1,  1,  2]))

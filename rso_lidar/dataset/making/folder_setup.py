@@ -33,9 +33,7 @@ def begin_folder(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
 
     Parameters
     ----------
-    plan : of the dataset.
-    folder : of the dataset.
-    join : whether a folder that was begun before may be continued.
+    join : whether a folder that was begun before may be continued
 
     Raises
     ------
@@ -79,8 +77,7 @@ def _check_joined(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
 
     Parameters
     ----------
-    plan, folder : of the dataset.
-    join : whether a folder that was begun before may be continued.
+    join : whether a folder that was begun before may be continued
     """
     if read_constants(folder).sha256 != plan.sha256:
         raise DatasetError(
@@ -141,13 +138,7 @@ def _find_symmetry(name: str) -> dict[str, Any] | None:
 
 
 def remove_drafts(folder: Path, finished: dict[str, ShardRecord]) -> None:
-    """Remove the temporary files that killed runs left of shards that are finished now.
-
-    Parameters
-    ----------
-    folder : of the dataset.
-    finished : records of the finished shards, by path.
-    """
+    """Remove the temporary files that killed runs left of shards that are finished now."""
     for draft in list_drafts(folder):
         if f"{draft.parent.name}/{draft.name.partition('.')[0]}.h5" in finished:
             with suppress(OSError):

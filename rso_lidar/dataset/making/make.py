@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample, list_ends
 from rso_lidar.dataset.making.dask_engine import make_shards_by_dask
 from rso_lidar.dataset.making.folder_setup import begin_folder, remove_drafts
-from rso_lidar.dataset.making.process_pool import make_shards
+from rso_lidar.dataset.making.shard_making import make_shard
 from rso_lidar.dataset.reading.random_access import Dataset
 from rso_lidar.dataset.shards.manifest import ShardRecord, append_record, read_manifest
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, suppress_warnings
 from rso_lidar.files import convert_path, hold_lock
+from rso_lidar.processes import Processes
 
 _TRIED = 40  # samples that are drawn before the first shard, so that a wrong law is found at once
 
@@ -37,17 +39,17 @@ def make(
 
     Parameters
     ----------
-    spec : the specification, or its TOML file.
-    folder : of the dataset, new unless it is continued.
+    spec : the specification, or its TOML file
+    folder : of the dataset, new unless it is continued
     workers : number of processes (None: one per core; 1: this process). The bytes do not depend on it. A script that uses
-        workers keeps its own code under ``if __name__ == "__main__":``.
+        workers keeps its own code under ``if __name__ == "__main__":``
     scheduler : address of a dask scheduler whose workers make the shards, or ``local`` for a cluster of `workers` processes
-        that is started here (None: a pool of processes, without dask). Needs the extra ``dask``.
-    shards : which shards to make: ``a:b``, or ``i/n`` for the i-th of n equal parts, from 0. Runs may share a folder.
-    resume : whether to continue a folder that was begun before.
-    on_shard : called with the number of finished shards and that of all, at the start and after each shard.
+        that is started here (None: a pool of processes, without dask). Needs the extra ``dask``
+    shards : which shards to make: ``a:b``, or ``i/n`` for the i-th of n equal parts, from 0. Runs may share a folder
+    resume : whether to continue a folder that was begun before
+    on_shard : called with the number of finished shards and that of all, at the start and after each shard
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names, here and in
-        the workers.
+        the workers
 
     Returns
     -------
@@ -87,16 +89,15 @@ def _make_shards(
 
     Parameters
     ----------
-    plan, place : of the dataset, and its folder.
-    chosen : numbers of the shards.
-    workers, scheduler, on_shard : as in `make`.
+    chosen : numbers of the shards
+    workers, scheduler, on_shard : as in `make`
     """
     finished = read_manifest(place, plan.sha256)
     left = [number for number in chosen if not _is_finished(plan, place, number, finished)]
     tell = on_shard or (lambda done, count: None)
     tell(len(chosen) - len(left), len(chosen))
     if scheduler is None:
-        records = make_shards(plan, place, left, workers)
+        records = _make_by_processes(plan, place, left, workers)
     else:
         records = make_shards_by_dask(plan, place, left, workers, scheduler)
     for done, record in enumerate(records, len(chosen) - len(left) + 1):
@@ -106,14 +107,7 @@ def _make_shards(
 
 
 def _is_finished(plan: DatasetPlan, folder: Path, number: int, finished: Mapping[str, ShardRecord]) -> bool:
-    """Return whether a shard is in the manifest and in its place.
-
-    Parameters
-    ----------
-    plan, folder : of the dataset.
-    number : of the shard.
-    finished : records by path.
-    """
+    """Return whether a shard is in the manifest and in its place."""
     path = plan.shard(number).path
     return path in finished and (folder / path).is_file()
 
@@ -123,8 +117,8 @@ def choose_shards(text: str | None, count: int) -> Sequence[int]:
 
     Parameters
     ----------
-    text : the choice; None for all.
-    count : number of all shards.
+    text : the choice; None for all
+    count : number of all shards
 
     Raises
     ------
@@ -154,10 +148,6 @@ def choose_shards(text: str | None, count: int) -> Sequence[int]:
 def check_samples(plan: DatasetPlan) -> None:
     """Draw some samples of each class, and both ends of every law, so that a value that makes no
     valid scenario, or code that may not run, is found before the first flash.
-
-    Parameters
-    ----------
-    plan : of the dataset.
     """
     owner = plan.membership.target_class
     with suppress_warnings():
@@ -170,3 +160,19 @@ def check_samples(plan: DatasetPlan) -> None:
                 draw_sample(plan, index)
             for forced in list_ends(plan.spec, k):
                 draw_sample(plan, int(mine[0]), forced)
+
+
+def _make_by_processes(plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers: int) -> Iterator[ShardRecord]:
+    """Make shards by worker processes, and yield the record of each when it is finished, in any order.
+
+    Parameters
+    ----------
+    workers : number of processes; 1 is this process
+    """
+    count = min(workers, len(numbers))
+    if count < 2:
+        for number in numbers:
+            yield make_shard(plan, folder, plan.shard(number))
+        return
+    with Processes(count, partial(make_shard, plan, folder)) as processes:
+        yield from processes.map_unordered(map(plan.shard, numbers))

@@ -21,8 +21,7 @@ def make_shard(plan: DatasetPlan, folder: Path, place: ShardPlace) -> ShardRecor
 
     Parameters
     ----------
-    plan, folder : of the dataset.
-    place : of the shard, with the numbers of its samples, so that a worker need not assign all samples to splits.
+    place : of the shard, with the numbers of its samples, so that a worker need not assign all samples to splits
     """
     frames, drawn = [], []
     with suppress_warnings():

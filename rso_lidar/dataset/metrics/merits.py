@@ -56,9 +56,7 @@ def replicate(statistics: Sequence[Statistic], encounters: EncounterIndex, repli
 
     Parameters
     ----------
-    statistics : what to evaluate.
-    encounters : of the frames.
-    replicates : number of draws.
+    replicates : number of draws
 
     Returns
     -------
@@ -84,10 +82,7 @@ def find_values(
 
     Parameters
     ----------
-    statistics : what to evaluate.
-    encounters : of the frames.
-    replicates : number of draws of the bootstrap.
-    confidence : probability of the intervals.
+    replicates : number of draws of the bootstrap
     """
     values = evaluate_all(statistics, encounters)
     drawn = iter(replicate([one for one in statistics if one.needs_draws], encounters, replicates))
@@ -103,8 +98,8 @@ def find_log_edges(values: np.ndarray, per_decade: int = 2) -> np.ndarray:
 
     Parameters
     ----------
-    values : (frame).
-    per_decade : bins in a factor of ten.
+    values : (frame)
+    per_decade : bins in a factor of ten
 
     >>> find_log_edges(np.array([1.0, 250.0])).round(1).tolist()
     [1.0, 3.2, 10.0, 31.6, 100.0, 316.2]
@@ -123,8 +118,8 @@ def find_even_edges(values: np.ndarray, count: int) -> np.ndarray:
 
     Parameters
     ----------
-    values : (frame).
-    count : greatest number of bins; fewer where values are equal.
+    values : (frame)
+    count : greatest number of bins; fewer where values are equal
     """
     known = values[np.isfinite(values)]
     if not len(known):

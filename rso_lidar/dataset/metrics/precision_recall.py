@@ -59,8 +59,8 @@ class _Ranking(FrameStatistic):
 
         Parameters
         ----------
-        weights : (replicate, encounter).
-        find : takes detections and false alarms (replicate, threshold), and the totals (replicate) of both.
+        weights : (replicate, encounter)
+        find : takes detections and false alarms (replicate, threshold), and the totals (replicate) of both
         """
         good = self.positive[self.rows]
 
@@ -131,8 +131,8 @@ def _find_average_precision(
 
     Parameters
     ----------
-    hits, alarms : (replicate, threshold) retrieved positive and negative frames.
-    positives, negatives : (replicate) all of them.
+    hits, alarms : (replicate, threshold) retrieved positive and negative frames
+    positives, negatives : (replicate) all of them
     """
     retrieved = hits + alarms
     precision = np.where(retrieved > 0, hits / np.where(retrieved > 0, retrieved, 1.0), 0.0)
@@ -145,8 +145,8 @@ def _find_area(hits: np.ndarray, alarms: np.ndarray, positives: np.ndarray, nega
 
     Parameters
     ----------
-    hits, alarms : (replicate, threshold) retrieved positive and negative frames.
-    positives, negatives : (replicate) all of them.
+    hits, alarms : (replicate, threshold) retrieved positive and negative frames
+    positives, negatives : (replicate) all of them
     """
     start = np.zeros((len(hits), 1))
     last = hits[:, -1:] if hits.shape[1] else start

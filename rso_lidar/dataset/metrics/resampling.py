@@ -27,7 +27,7 @@ class EncounterIndex:
 
         Parameters
         ----------
-        sample : (frame) identity of the encounter of each frame.
+        sample : (frame) identity of the encounter of each frame
         """
         values, self.index = np.unique(np.asarray(sample), return_inverse=True)
         self.count = len(values)
@@ -38,8 +38,8 @@ class EncounterIndex:
 
         Parameters
         ----------
-        replicates : number of replicates.
-        stream : number of the random stream; the same numbers give the same draws.
+        replicates : number of replicates
+        stream : number of the random stream; the same numbers give the same draws
 
         Yields
         ------

@@ -38,8 +38,8 @@ class Statistic(ABC):
 
         Parameters
         ----------
-        replicates : (replicate) values of a bootstrap.
-        confidence : probability of the interval.
+        replicates : (replicate) values of a bootstrap
+        confidence : probability of the interval
         """
         return bootstrap_interval(replicates, self.count()[1], confidence)
 
@@ -159,9 +159,8 @@ def bootstrap_interval(replicates: np.ndarray, encounters: int, confidence: floa
 
     Parameters
     ----------
-    replicates : (replicate) values.
-    encounters : number of encounters that matter.
-    confidence : probability of the interval.
+    replicates : (replicate) values
+    encounters : number of encounters that matter
     """
     if encounters < FEWEST_ENCOUNTERS:
         return np.nan, np.nan, f"none: fewer than {FEWEST_ENCOUNTERS} encounters"
@@ -182,9 +181,9 @@ def in_chunks(weights: np.ndarray, encounter: np.ndarray, find: Callable[[np.nda
 
     Parameters
     ----------
-    weights : (replicate, encounter).
-    encounter : (frame) number of the encounter of each frame.
-    find : takes weights (replicate, frame) and returns values (replicate).
+    weights : (replicate, encounter)
+    encounter : (frame) number of the encounter of each frame
+    find : takes weights (replicate, frame) and returns values (replicate)
     """
     rows = max(1, _CHUNK // max(len(encounter), 1))
     pieces = [find(weights[start : start + rows][:, encounter]) for start in range(0, len(weights), rows)]

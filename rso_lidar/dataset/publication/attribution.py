@@ -34,10 +34,6 @@ class Attribution:
 def read_attribution(folder: Path) -> Attribution:
     """Read the licence, creators and web address that an earlier publication of a dataset stated.
 
-    Parameters
-    ----------
-    folder : of the dataset.
-
     Returns
     -------
     Attribution

@@ -24,8 +24,8 @@ def format_table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
     Parameters
     ----------
-    heads : of the columns.
-    rows : cells of each row, of any type.
+    heads : of the columns
+    rows : cells of each row, of any type
 
     >>> print(format_table(["a", "b"], [[1, "x|y"]]))
     | a | b |
@@ -50,13 +50,7 @@ def list_arrays(data: Dataset) -> str:
 
 
 def list_counts(data: Dataset, counts: FrameCounts) -> str:
-    """Return the tables of frames by class and by reporting pixels.
-
-    Parameters
-    ----------
-    data : the dataset.
-    counts : of its frames.
-    """
+    """Return the tables of frames by class and by reporting pixels."""
     splits = list(counts.by_class)
     rows = []
     for name in counts.by_class[splits[0]]:

@@ -25,12 +25,7 @@ PAPER = (
 
 
 def describe_dataset(data: Dataset) -> str:
-    """Describe a dataset in one or two sentences.
-
-    Parameters
-    ----------
-    data : the dataset.
-    """
+    """Describe a dataset in one or two sentences."""
     total = sum(len(data.split(name)) for name in data.splits)
     splits = ", ".join(f"{len(data.split(name)):,} {name}" for name in data.splits)
     n_rows, n_cols = data.split(data.splits[0]).read([0], ["range_m"])["range_m"].shape[1:]
@@ -42,13 +37,7 @@ def describe_dataset(data: Dataset) -> str:
 
 
 def cite(data: Dataset, attribution: Attribution) -> str:
-    """Return how to cite a dataset.
-
-    Parameters
-    ----------
-    data : the dataset.
-    attribution : its creators and web address.
-    """
+    """Return how to cite a dataset."""
     who = ", ".join(attribution.creators) or "Anonymous"
     where = f" {attribution.url}" if attribution.url else ""
     return f"{who}: {data.spec.name} (dataset {data.constants.sha256[:12]}, made with rso_lidar).{where}"

@@ -44,21 +44,14 @@ def write_croissant(data: Dataset, attribution: Attribution) -> Path:
 
     Parameters
     ----------
-    data : the dataset, with its table of frames already in the folder if there is to be one.
-    attribution : licence, creators and web address.
+    data : the dataset, with its table of frames already in the folder if there is to be one
     """
     text = json.dumps(describe_in_croissant(data, attribution), indent=1, ensure_ascii=False) + "\n"
     return write_text(data.folder / CROISSANT, text, overwrite=True)
 
 
 def describe_in_croissant(data: Dataset, attribution: Attribution) -> dict[str, Any]:
-    """Describe a dataset as JSON-LD.
-
-    Parameters
-    ----------
-    data : the dataset.
-    attribution : licence, creators and web address.
-    """
+    """Describe a dataset as JSON-LD."""
     made = datetime.datetime.fromtimestamp((data.folder / MANIFEST).stat().st_mtime, datetime.UTC).date().isoformat()
     found: dict[str, Any] = {
         "@context": _CONTEXT,
@@ -103,14 +96,7 @@ def _list_files(data: Dataset) -> Iterable[dict[str, Any]]:
 
 
 def _describe_file(path: str, meaning: str, media_type: str, size_bytes: int, sha256: str) -> dict[str, Any]:
-    """Describe a file.
-
-    Parameters
-    ----------
-    path : in the folder of the dataset.
-    meaning, media_type : of its content.
-    size_bytes, sha256 : of the file.
-    """
+    """Describe a file."""
     return {
         "@type": "cr:FileObject",
         "@id": path,
@@ -170,14 +156,7 @@ def _list_record_sets(data: Dataset) -> list[dict[str, Any]]:
 
 
 def _list_names(name: str, meaning: str, entries: Sequence[str], data_type: str = "sc:Enumeration") -> dict[str, Any]:
-    """Describe a list of names.
-
-    Parameters
-    ----------
-    name, meaning : of the list.
-    entries : the names in their order.
-    data_type : what the records are.
-    """
+    """Describe a list of names."""
     field = {"@type": "cr:Field", "@id": f"{name}/name", "name": "name", "dataType": "sc:Text"}
     return {
         "@type": "cr:RecordSet",
@@ -192,12 +171,7 @@ def _list_names(name: str, meaning: str, entries: Sequence[str], data_type: str 
 
 
 def _describe_field(name: str, meaning: str, data_type: str) -> dict[str, Any]:
-    """Describe a column of the table of frames.
-
-    Parameters
-    ----------
-    name, meaning, data_type : of the column.
-    """
+    """Describe a column of the table of frames."""
     source = {"fileObject": {"@id": INDEX}, "extract": {"column": name}}
     return {
         "@type": "cr:Field",
@@ -215,12 +189,7 @@ def _explain(spec: ArraySpec) -> str:
 
 
 def _count(data: Dataset, name: str) -> int:
-    """Return the number of components of a short vector.
-
-    Parameters
-    ----------
-    data, name : the dataset, and the name of the array.
-    """
+    """Return the number of components of a short vector."""
     return int(data.split(data.splits[0]).read([0], [name])[name].shape[1])
 
 

@@ -39,15 +39,7 @@ _SIZES = (
 
 
 def write_card(data: Dataset, counts: FrameCounts, pictures: Sequence[str], attribution: Attribution) -> Path:
-    """Write the card into the folder of a dataset, and return its path.
-
-    Parameters
-    ----------
-    data : the dataset.
-    counts : of its frames.
-    pictures : names of pictures in the folder.
-    attribution : licence, creators and web address.
-    """
+    """Write the card into the folder of a dataset, and return its path."""
     sections = (
         _write_head(data, counts, attribution),
         f"# {data.spec.name}\n\n{describe_dataset(data)}",
@@ -77,7 +69,7 @@ def _write_head(data: Dataset, counts: FrameCounts, attribution: Attribution) ->
 
     Parameters
     ----------
-    data, counts, attribution : as of `write_card`.
+    data, counts, attribution : as of `write_card`
     """
     lines = [
         "---",
@@ -118,12 +110,7 @@ def _list_versions(text: str) -> str:
 
 
 def _explain_content(data: Dataset, counts: FrameCounts) -> str:
-    """Return the section on what the dataset holds.
-
-    Parameters
-    ----------
-    data, counts : the dataset, and its frames counted.
-    """
+    """Return the section on what the dataset holds."""
     return (
         "## What it holds\n\n"
         f"{list_counts(data, counts)}\n\n"

@@ -30,12 +30,7 @@ class FrameCounts:
 
 
 def count_frames(data: Dataset) -> FrameCounts:
-    """Count the frames of a dataset, one shard in memory at a time.
-
-    Parameters
-    ----------
-    data : the dataset.
-    """
+    """Count the frames of a dataset, one shard in memory at a time."""
     names = [*data.classes, NO_TARGET]
     by_class: dict[str, dict[str, int]] = {}
     by_pixels: dict[str, tuple[int, ...]] = {}

@@ -37,22 +37,12 @@ def has_parquet() -> bool:
 
 
 def list_index_columns(data: Dataset) -> dict[str, ArraySpec]:
-    """Return dtype, unit and meaning of each column that comes from the shards, by name.
-
-    Parameters
-    ----------
-    data : the dataset, with at least one split.
-    """
+    """Return dtype, unit and meaning of each column that comes from the shards, by name."""
     return {name: describe_array(name) for name in data.split(data.splits[0]).names if not is_image(name)}
 
 
 def write_frame_index(data: Dataset) -> Path:
-    """Write the table of frames into the folder of a dataset, at constant memory, and return its path.
-
-    Parameters
-    ----------
-    data : the dataset.
-    """
+    """Write the table of frames into the folder of a dataset, at constant memory, and return its path."""
     import pyarrow
     import pyarrow.parquet
 
@@ -79,8 +69,7 @@ def _make_schema(data: Dataset, columns: dict[str, ArraySpec]) -> Any:
 
     Parameters
     ----------
-    data : the dataset.
-    columns : dtype, unit and meaning of the columns from the shards.
+    columns : dtype, unit and meaning of the columns from the shards
     """
     import pyarrow
 
@@ -99,14 +88,7 @@ def _make_schema(data: Dataset, columns: dict[str, ArraySpec]) -> Any:
 
 
 def _read_tables(data: Dataset, columns: list[str], schema: Any) -> Iterator[Any]:
-    """Yield an Arrow table for each shard.
-
-    Parameters
-    ----------
-    data : the dataset.
-    columns : names of the arrays to read.
-    schema : of the tables.
-    """
+    """Yield an Arrow table for each shard."""
     import pyarrow
 
     lists = {"class": data.classes, "model": data.models, "sensor": data.sensors}
@@ -133,7 +115,7 @@ def _repeat(text: str, count: int) -> Any:
 
     Parameters
     ----------
-    text, count : the text, and the number of rows.
+    text, count : the text, and the number of rows
     """
     import pyarrow
 
@@ -145,7 +127,7 @@ def _take_names(names: tuple[str, ...], numbers: np.ndarray) -> Any:
 
     Parameters
     ----------
-    names, numbers : the names, and the number of the name in each row.
+    names, numbers : the names, and the number of the name in each row
     """
     import pyarrow
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture import Window, bounding_window, colour_maps, crop, figures, palette, save_figure
+from rso_lidar.picture import Window, colour_maps, figures, palette, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,8 +32,8 @@ def save_label_images(
 
     Parameters
     ----------
-    path : of the picture; an existing file is replaced.
-    images, part_classes, title, note : as of `label_figure`.
+    path : of the picture; an existing file is replaced
+    images, part_classes, title, note : as of `label_figure`
     """
     return save_figure(label_figure(images, part_classes, title, note), path)
 
@@ -43,16 +43,14 @@ def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], 
 
     Parameters
     ----------
-    images : arrays (row, col) of the reading and labels by name, with ``part_class_id``, -1 for sky.
-    part_classes : names of the part classes.
-    title, note : heading of the figure.
+    images : arrays (row, col) of the reading and labels by name, with ``part_class_id``, -1 for sky
 
     Returns
     -------
     Figure
     """
     on_target = images["part_class_id"] >= 0
-    window = crop(bounding_window(on_target))
+    window = Window.about(on_target)
     figure = figures.new_figure(10.6, 3.4, title, note)
     for axes, name in zip(figure.subplots(1, _PANELS).flat, images, strict=False):
         if name == "part_class_id":
@@ -77,10 +75,8 @@ def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarra
 
     Parameters
     ----------
-    axes, name : the panel, and the name of the array.
-    values : (row, col).
-    on_target : (row, col) bool, pixels of targets.
-    window : the part of the field shown.
+    values : (row, col)
+    on_target : (row, col) bool, pixels of targets
     """
     from matplotlib import colormaps
     from matplotlib.colors import LogNorm, Normalize
@@ -111,10 +107,7 @@ def _draw_classes(axes: Axes, classes: np.ndarray, names: Sequence[str], window:
 
     Parameters
     ----------
-    axes : the panel.
-    classes : (row, col) numbers, -1 for sky.
-    names : of the part classes.
-    window : the part of the field shown.
+    classes : (row, col) numbers, -1 for sky
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch

@@ -30,10 +30,10 @@ def publish(
 
     Parameters
     ----------
-    folder : of a complete dataset.
-    licence : SPDX identifier, such as ``CC-BY-4.0``.
-    creators : names of persons or groups.
-    url : web address of the dataset.
+    folder : of a complete dataset
+    licence : SPDX identifier, such as ``CC-BY-4.0``
+    creators : names of persons or groups
+    url : web address of the dataset
 
     Returns
     -------

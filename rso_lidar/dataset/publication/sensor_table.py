@@ -27,7 +27,7 @@ def list_parameters(lidar: str) -> list[Parameter]:
 
     Parameters
     ----------
-    lidar : its table as JSON.
+    lidar : its table as JSON
 
     Returns
     -------
@@ -42,13 +42,7 @@ def list_parameters(lidar: str) -> list[Parameter]:
 
 
 def _walk(part: Part, place: str) -> Iterator[Parameter]:
-    """Yield the parameters of a part and of the parts in it.
-
-    Parameters
-    ----------
-    part : the part.
-    place : its key in the scenario.
-    """
+    """Yield the parameters of a part and of the parts in it."""
     for name, field in type(part).model_fields.items():
         value = getattr(part, name)
         if isinstance(value, Part):
@@ -60,13 +54,7 @@ def _walk(part: Part, place: str) -> Iterator[Parameter]:
 
 
 def _flatten(table: Any, place: str) -> Iterator[tuple[str, str]]:
-    """Yield place and value of all entries of a table.
-
-    Parameters
-    ----------
-    table : as JSON gives it.
-    place : its key.
-    """
+    """Yield place and value of all entries of a table."""
     if isinstance(table, dict):
         for name, value in table.items():
             yield from _flatten(value, f"{place}.{name}")

@@ -16,7 +16,7 @@ from rso_lidar.dataset.shards.sensor_file import Constants, read_constants
 from rso_lidar.dataset.shards.shard_file import hash_file, open_shard
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export import check_size
+from rso_lidar.export import check_declared_size
 from rso_lidar.files import convert_path, explain_unreadable
 from rso_lidar.records import Symmetry
 
@@ -32,9 +32,9 @@ class Dataset:
 
     Parameters
     ----------
-    folder : folder that `rso-lidar dataset make` wrote.
+    folder : folder that `rso-lidar dataset make` wrote
     verify : whether each process compares a shard with its hash before it first reads it. Damaged HDF5 files may have
-        other numbers than were written, or never end a call of libhdf5. Hashing reads the whole shard, about 1 GB/s.
+        other numbers than were written, or never end a call of libhdf5. Hashing reads the whole shard, about 1 GB/s
 
     Raises
     ------
@@ -103,7 +103,7 @@ class Dataset:
 
         Parameters
         ----------
-        name : train, val or test.
+        name : train, val or test
 
         Raises
         ------
@@ -128,11 +128,11 @@ class Split:
 
         Parameters
         ----------
-        folder : of the dataset.
-        name : of the split.
-        dataset : hash of the dataset.
-        records : of the shards.
-        verify : whether shards are compared with their hashes, as in `Dataset`.
+        folder : of the dataset
+        name : of the split
+        dataset : hash of the dataset
+        records : of the shards
+        verify : whether shards are compared with their hashes, as in `Dataset`
         """
         self._verify = verify
         self.folder, self.name, self._dataset, self.records = folder, name, dataset, tuple(records)
@@ -212,7 +212,7 @@ class Split:
 
         Parameters
         ----------
-        shard, name : number of the shard, and name of the array.
+        shard, name : number of the shard, and name of the array
         """
         if self._process == os.getpid() and name in self._numbers.get(shard, ()):
             self._numbers.move_to_end(shard)
@@ -221,7 +221,7 @@ class Split:
         if name not in images:
             try:
                 stored = file[name]
-                check_size(stored)
+                check_declared_size(stored)
                 if stored.ndim < _IMAGE_DIMENSIONS:
                     values = self._numbers.setdefault(shard, {})[name] = stored[()]
                     return values
@@ -244,8 +244,8 @@ class Split:
 
         Parameters
         ----------
-        indices : of the frames.
-        names : of the arrays.
+        indices : of the frames
+        names : of the arrays
 
         Returns
         -------
@@ -276,8 +276,8 @@ class Split:
 
         Parameters
         ----------
-        shard, name : number of the shard, and name of the array.
-        row : index or slice of frames.
+        shard, name : number of the shard, and name of the array
+        row : index or slice of frames
         """
         try:
             values: np.ndarray = self._array(shard, name)[row]
@@ -290,8 +290,8 @@ class Split:
 
         Parameters
         ----------
-        shard, name : number of the shard, and name of the array.
-        error : of h5py.
+        shard, name : number of the shard, and name of the array
+        error : of h5py
         """
         return DatasetError(
             f"{self.folder / self.records[shard].path}: {name} is damaged "
@@ -305,9 +305,9 @@ class Split:
 
         Parameters
         ----------
-        shard : number of the shard in `records`.
-        names : of the arrays.
-        rows : the frames, by their place in the shard.
+        shard : number of the shard in `records`
+        names : of the arrays
+        rows : the frames, by their place in the shard
 
         Returns
         -------
@@ -325,7 +325,7 @@ class Split:
 
         Parameters
         ----------
-        name : of the array.
+        name : of the array
 
         Returns
         -------
@@ -349,12 +349,7 @@ _verified: dict[Path, tuple[str, int, int]] = {}  # hash, time of the last chang
 
 
 def _compare_with_hash(path: Path, record: ShardRecord) -> None:
-    """Raise `DatasetError` if a shard differs from its hash. A file is hashed again only after it has changed.
-
-    Parameters
-    ----------
-    path, record : of the shard.
-    """
+    """Raise `DatasetError` if a shard differs from its hash. A file is hashed again only after it has changed."""
     try:
         status = path.stat()
         known = record.sha256, status.st_mtime_ns, status.st_size
@@ -377,8 +372,8 @@ def open_dataset(folder: str | os.PathLike[str], *, verify: bool = True) -> Data
 
     Parameters
     ----------
-    folder : folder that `rso-lidar dataset make` wrote.
-    verify : whether each process compares a shard with its hash before it first reads it.
+    folder : folder that `rso-lidar dataset make` wrote
+    verify : whether each process compares a shard with its hash before it first reads it
 
     Returns
     -------

@@ -44,8 +44,7 @@ def binned_figure(panels: Sequence[BinnedPanel], title: str, note: str = "") -> 
 
     Parameters
     ----------
-    panels : what to draw; those with series of the same names share their colours.
-    title, note : the heading.
+    panels : what to draw; those with series of the same names share their colours
 
     Returns
     -------
@@ -133,9 +132,8 @@ def _write_counts(axes: Axes, middle: np.ndarray, frames: np.ndarray) -> None:
 
     Parameters
     ----------
-    axes : the panel.
-    middle : (bin) of the bins.
-    frames : (bin) how many frames each bin has.
+    middle : (bin) of the bins
+    frames : (bin) how many frames each bin has
     """
     for at, count in zip(middle.tolist(), frames.tolist(), strict=True):
         axes.annotate(

@@ -36,11 +36,6 @@ class ChangeRow:
 def change_figure(rows: Sequence[ChangeRow], title: str, note: str = "") -> Figure:
     """Draw the gain of each figure of merit with its interval, in half-widths of that interval.
 
-    Parameters
-    ----------
-    rows : the figures of merit.
-    title, note : the heading.
-
     Returns
     -------
     Figure

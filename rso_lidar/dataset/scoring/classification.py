@@ -99,9 +99,9 @@ def score_classes(truth: FrameTruth, chosen: np.ndarray, scores: np.ndarray | No
 
     Parameters
     ----------
-    truth : of the frames; those without a target, or with too few lit pixels, do not matter.
-    chosen : (frame) number of the predicted class, -1 where the prediction is missing: a failure.
-    scores : (frame, class) scores, minus infinity where missing; None where only classes were predicted.
+    truth : of the frames; those without a target, or with too few lit pixels, do not matter
+    chosen : (frame) number of the predicted class, -1 where the prediction is missing: a failure
+    scores : (frame, class) scores, minus infinity where missing; None where only classes were predicted
 
     Returns
     -------
@@ -173,11 +173,9 @@ def _make_share(
 
     Parameters
     ----------
-    name, meaning : of the figure of merit.
-    encounters : of the frames.
-    right : (frame) whether the frame is predicted correctly.
-    asked : (frame) which frames count.
-    is_compared : whether it is judged in comparisons.
+    right : (frame) whether the frame is predicted correctly
+    asked : (frame) which frames count
+    is_compared : whether it is judged in comparisons
     """
     statistic = Ratios(encounters, right & asked, asked, is_proportion=True)
     return FigureOfMerit(name, "1", HIGHER, meaning, statistic, is_compared)
@@ -188,9 +186,8 @@ def _take_columns(encounters: EncounterIndex, right: np.ndarray, groups: Sequenc
 
     Parameters
     ----------
-    encounters : of the frames.
-    right : (frame) whether the frame is predicted correctly.
-    groups : masks (frame) of the groups.
+    right : (frame) whether the frame is predicted correctly
+    groups : masks (frame) of the groups
     """
     below = np.stack(groups, axis=1) if len(groups) else np.zeros((len(right), 1), bool)
     return Ratios(encounters, below & right[:, None], below)
@@ -201,9 +198,8 @@ def _bin_recall(truth: FrameTruth, right: np.ndarray, groups: dict[str, np.ndarr
 
     Parameters
     ----------
-    truth : of the frames.
-    right : (frame) whether the frame is predicted correctly.
-    groups : masks (frame) by name.
+    right : (frame) whether the frame is predicted correctly
+    groups : masks (frame) by name
     """
     made = []
     for quantity, unit, values, edges in (
@@ -228,9 +224,8 @@ def _count_confusions(truth: FrameTruth, chosen: np.ndarray, asked: np.ndarray) 
 
     Parameters
     ----------
-    truth : of the frames.
-    chosen : (frame) predicted class.
-    asked : (frame) which frames count.
+    chosen : (frame) predicted class
+    asked : (frame) which frames count
     """
     size = len(truth.classes)
     made = []

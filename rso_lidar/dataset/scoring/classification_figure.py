@@ -24,12 +24,6 @@ def precision_recall_figure(
 ) -> Figure:
     """Draw precision over recall by class.
 
-    Parameters
-    ----------
-    curves : recall and precision by class, one pair for each training run.
-    labels : words of the legend by class.
-    title, note : the heading.
-
     Returns
     -------
     Figure
@@ -46,13 +40,6 @@ def presence_figure(
     precision: Sequence[Trace], detections: Sequence[Trace], labels: Sequence[str], title: str, note: str = ""
 ) -> Figure:
     """Draw the curves of a detector: precision over recall, and recall over the rate of false alarms.
-
-    Parameters
-    ----------
-    precision : recall and precision, one pair for each training run.
-    detections : rate of false alarms and recall, one pair for each training run.
-    labels : words of the legends of the two panels.
-    title, note : the heading.
 
     Returns
     -------
@@ -74,10 +61,8 @@ def confusion_figure(
 
     Parameters
     ----------
-    names : of the classes.
     matrices : words and counts (true class, predicted class) of each; a last column beyond the classes counts missing
-        predictions. Shares are of the frames of the true class.
-    title, note : the heading.
+        predictions. Shares are of the frames of the true class
 
     Returns
     -------
@@ -100,15 +85,7 @@ def confusion_figure(
 
 
 def _draw_traces(axes: Axes, number: int, runs: Sequence[Trace], label: str) -> None:
-    """Draw the curves of the runs of one class.
-
-    Parameters
-    ----------
-    axes : the panel.
-    number : of the class.
-    runs : values along x and y of each run.
-    label : word of the legend.
-    """
+    """Draw the curves of the runs of one class."""
     colour, style = figures.colour_of(number)
     for run, (x, y) in enumerate(runs):
         alone = len(runs) == 1
@@ -121,9 +98,8 @@ def _frame_unit_square(axes: Axes, x: str, y: str, inside: bool = False) -> None
 
     Parameters
     ----------
-    axes : the panel.
-    x, y : labels of the axes.
-    inside : whether the legend stands inside.
+    x, y : labels of the axes
+    inside : whether the legend stands inside
     """
     axes.set_xlim(-0.01, 1.01)
     axes.set_ylim(-0.01, 1.02)
@@ -138,11 +114,8 @@ def _draw_matrix(axes: Axes, names: Sequence[str], words: str, counts: np.ndarra
 
     Parameters
     ----------
-    axes : the panel.
-    names : of the classes.
-    words : title of the panel.
-    counts : (true class, predicted class).
-    is_large : whether names and numbers are written.
+    counts : (true class, predicted class)
+    is_large : whether names and numbers are written
     """
     import matplotlib
 

@@ -20,7 +20,6 @@ from rso_lidar.dataset.metrics.weighted_statistics import Ratios, Statistic
 from rso_lidar.dataset.scoring.scorecard import Scorecard
 from rso_lidar.errors import DatasetError, did_you_mean
 
-COMPARISON_LEVEL = 0.05
 BETTER, WORSE, SAME, UNKNOWN = "better", "worse", "no difference", "too few encounters"
 _MOST_EXACT = 4000  # answers that differ, up to which the exact distribution is computed
 _RUN_KEY = 17
@@ -68,15 +67,15 @@ class Comparison:
 
 
 def compare(
-    new: Scorecard, old: Scorecard, margins: Mapping[str, float] | None = None, level: float = COMPARISON_LEVEL
+    new: Scorecard, old: Scorecard, margins: Mapping[str, float] | None = None, level: float = 0.05
 ) -> Comparison:
     """Compare two algorithms on the same frames.
 
     Parameters
     ----------
-    new, old : scorecards on the same split, with the same number of replicates.
-    margins : change of a figure of merit that does not matter, by name, in its unit; 0 by default.
-    level : probability of any wrong "worse", and of any wrong "better".
+    new, old : scorecards on the same split, with the same number of replicates
+    margins : change of a figure of merit that does not matter, by name, in its unit; 0 by default
+    level : probability of any wrong "worse", and of any wrong "better"
 
     Returns
     -------
@@ -132,7 +131,7 @@ def correct_by_holm(p: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    p : (test) p-values.
+    p : (test) p-values
 
     >>> correct_by_holm(np.array([0.01, 0.04, 0.03])).round(3).tolist()
     [0.03, 0.06, 0.06]
@@ -152,7 +151,7 @@ def find_exchange_probability(differences: np.ndarray) -> float:
 
     Parameters
     ----------
-    differences : (encounter) whole numbers, new minus old.
+    differences : (encounter) whole numbers, new minus old
 
     >>> find_exchange_probability(np.array([-1, -1, -1, -1, 0]))
     0.0625
@@ -190,12 +189,9 @@ def _compare_one(
 
     Parameters
     ----------
-    merit : of the new algorithm.
-    old : statistic of the old one; None where there are several runs, for which there is no exact test.
-    values : of the new and the old.
-    replicates : (replicate) values of a bootstrap of both, with the same draws.
-    margin : change that does not matter.
-    level : of the test.
+    old : statistic of the old one; None where there are several runs, for which there is no exact test
+    replicates : (replicate) values of a bootstrap of both, with the same draws
+    margin : change that does not matter
     """
     sign = 1.0 if merit.better == HIGHER else -1.0
     difference = float(_subtract(np.array(values[0]), np.array(values[1])))
@@ -218,13 +214,7 @@ def _compare_one(
 
 
 def _judge(rows: list[Change], level: float) -> tuple[Change, ...]:
-    """Return changes with their verdicts after Holm's correction.
-
-    Parameters
-    ----------
-    rows : changes.
-    level : probability of any wrong verdict in one direction.
-    """
+    """Return changes with their verdicts after Holm's correction."""
     open_rows = [row for row in rows if row.verdict != UNKNOWN]
     worse = correct_by_holm(np.array([row.p_worse for row in open_rows]))
     better = correct_by_holm(np.array([row.p_better for row in open_rows]))
@@ -251,8 +241,8 @@ def _average_runs(drawn: np.ndarray, side: int) -> np.ndarray:
 
     Parameters
     ----------
-    drawn : (run, merit, replicate).
-    side : 0 or 1; the two sides draw their runs apart.
+    drawn : (run, merit, replicate)
+    side : 0 or 1; the two sides draw their runs apart
     """
     count = len(drawn)
     if count == 1:

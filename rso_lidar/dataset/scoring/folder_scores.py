@@ -16,7 +16,7 @@ from rso_lidar.dataset.scoring.ground_truth import COLUMNS, MIN_LIT_PIXELS, Fram
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface
 from rso_lidar.dataset.scoring.prediction_file import PIXELS, PredictionLimits
 from rso_lidar.dataset.scoring.prediction_table import Predictions, check_predictions, load_predictions, match_frames
-from rso_lidar.dataset.scoring.scorecard import SCORE_CONFIDENCE, SCORE_REPLICATES, Benchmark, Scorecard, score_run
+from rso_lidar.dataset.scoring.scorecard import Benchmark, Scorecard, score_run
 from rso_lidar.errors import DatasetError, RsoLidarError, warn
 from rso_lidar.track import sample_mesh
 
@@ -32,22 +32,22 @@ def score(
     split: str = "test",
     *,
     min_lit_pixels: int = MIN_LIT_PIXELS,
-    replicates: int = SCORE_REPLICATES,
-    confidence: float = SCORE_CONFIDENCE,
+    replicates: int = Scorecard.replicates,
+    confidence: float = Scorecard.confidence,
 ) -> Scorecard:
     """Score predictions on a split of a dataset.
 
     Parameters
     ----------
-    predictions : a CSV, Parquet, NPZ or HDF5 file, or columns by name; several for several training runs of one algorithm.
-    dataset : an open dataset, or its folder.
-    split : that is scored; the training split is allowed with a warning.
-    min_lit_pixels : least number of lit pixels of a frame with a target that counts.
+    predictions : a CSV, Parquet, NPZ or HDF5 file, or columns by name; several for several training runs of one algorithm
+    dataset : an open dataset, or its folder
+    split : that is scored; the training split is allowed with a warning
+    min_lit_pixels : least number of lit pixels of a frame with a target that counts
 
     Other Parameters
     ----------------
-    replicates : draws of the bootstrap over encounters.
-    confidence : probability of the intervals.
+    replicates : draws of the bootstrap over encounters
+    confidence : probability of the intervals
 
     Returns
     -------
@@ -96,9 +96,7 @@ def _take_predictions(given: PredictionSource, number: int, dataset: Dataset) ->
 
     Parameters
     ----------
-    given : a file, or columns.
-    number : of the set.
-    dataset : that is scored.
+    given : a file, or columns
     """
     if isinstance(given, Mapping):
         return check_predictions(given, dataset.classes, f"predictions {number + 1}")
@@ -122,11 +120,6 @@ def _find_limits(dataset: Dataset) -> PredictionLimits:
 
 def _sample_surfaces(dataset: Dataset, truth: FrameTruth) -> dict[int, ModelSurface]:
     """Sample the surface of each model of a split, from the first sample that has it.
-
-    Parameters
-    ----------
-    dataset : with its specification.
-    truth : of the frames.
 
     Returns
     -------

@@ -64,9 +64,9 @@ class FrameTruth:
 
         Parameters
         ----------
-        columns : arrays (frame, …) by the names of `COLUMNS`.
-        classes, models : names by number.
-        min_lit_pixels : least number of lit pixels of a frame that matters.
+        columns : arrays (frame, …) by the names of `COLUMNS`
+        classes, models : names by number
+        min_lit_pixels : least number of lit pixels of a frame that matters
         """
         taken = {name: np.asarray(columns[name]) for name in COLUMNS}
         return FrameTruth(**taken, classes=classes, models=models, min_lit_pixels=min_lit_pixels)

@@ -28,8 +28,8 @@ class PartCounts:
 
         Parameters
         ----------
-        frames : number of frames.
-        part_classes : names of the common part classes.
+        frames : number of frames
+        part_classes : names of the common part classes
         """
         self.part_classes = tuple(part_classes)
         size = (frames, len(self.part_classes))
@@ -41,9 +41,9 @@ class PartCounts:
 
         Parameters
         ----------
-        rows : numbers of the frames.
-        predicted, true : part class (frame, row, col), -1 for none. A missing prediction has no part anywhere.
-        reported : pixels (frame, row, col) that reported a return; the others do not count.
+        rows : numbers of the frames
+        predicted, true : part class (frame, row, col), -1 for none. A missing prediction has no part anywhere
+        reported : pixels (frame, row, col) that reported a return; the others do not count
         """
         same = predicted == true
         for k in range(len(self.part_classes)):
@@ -59,9 +59,8 @@ def score_parts(truth: FrameTruth, counts: PartCounts, missing: np.ndarray) -> P
 
     Parameters
     ----------
-    truth : of the frames.
-    counts : of the pixels.
-    missing : (frame) frames without a prediction, whose pixels are all wrong.
+    counts : of the pixels
+    missing : (frame) frames without a prediction, whose pixels are all wrong
 
     Returns
     -------
@@ -103,7 +102,7 @@ class RangeErrors:
 
         Parameters
         ----------
-        frames : number of frames.
+        frames : number of frames
         """
         self.square_m2, self.compared, self.there, self.false = (np.zeros(frames) for _ in range(4))
         self.photon_square, self.photon_scale = (np.zeros(frames) for _ in range(2))
@@ -114,8 +113,8 @@ class RangeErrors:
 
         Parameters
         ----------
-        rows : numbers of the frames.
-        predicted_m, true_m : ranges (frame, fine_row, fine_col), NaN where there is nothing.
+        rows : numbers of the frames
+        predicted_m, true_m : ranges (frame, fine_row, fine_col), NaN where there is nothing
         """
         there, called = np.isfinite(true_m), np.isfinite(predicted_m)
         both = there & called
@@ -132,8 +131,8 @@ class RangeErrors:
 
         Parameters
         ----------
-        rows : numbers of the frames.
-        predicted, true : expected photons (frame, fine_row, fine_col); a missing prediction is 0 everywhere.
+        rows : numbers of the frames
+        predicted, true : expected photons (frame, fine_row, fine_col); a missing prediction is 0 everywhere
         """
         self.photon_square[rows] = ((np.nan_to_num(predicted).astype(float) - true) ** 2).sum(axis=(1, 2))
         self.photon_scale[rows] = (true.astype(float) ** 2).sum(axis=(1, 2))
@@ -144,8 +143,7 @@ def score_ranges(truth: FrameTruth, errors: RangeErrors) -> PixelScores:
 
     Parameters
     ----------
-    truth : of the frames.
-    errors : of the pixels.
+    errors : of the pixels
 
     Returns
     -------

@@ -69,7 +69,7 @@ class ModelSurface:
 
         Parameters
         ----------
-        found, true : lidar_from_target as estimated, and as it was.
+        found, true : lidar_from_target as estimated, and as it was
         """
         moved = (found.inv() * true).apply(self.points_m)
         closest, _ = self.mesh.tree.query(moved)
@@ -111,10 +111,8 @@ def find_pose_errors(
 
     Parameters
     ----------
-    truth : of the frames.
-    position_m, quaternion_xyzw : (frame, 3) and (frame, 4) of the estimated lidar_from_target, NaN where missing.
-    surfaces : surface of each model, by number.
-    symmetries : symmetry of each model, in the axes of the poses; None for none.
+    position_m, quaternion_xyzw : (frame, 3) and (frame, 4) of the estimated lidar_from_target, NaN where missing
+    symmetries : symmetry of each model, in the axes of the poses; None for none
 
     Returns
     -------
@@ -147,11 +145,6 @@ def find_pose_errors(
 
 def score_poses(truth: FrameTruth, errors: PoseErrors) -> PoseScores:
     """Score the errors of poses.
-
-    Parameters
-    ----------
-    truth : of the frames.
-    errors : of the poses.
 
     Returns
     -------
@@ -205,9 +198,7 @@ def _bin_medians(truth: FrameTruth, errors: PoseErrors, asked: np.ndarray) -> li
 
     Parameters
     ----------
-    truth : of the frames.
-    errors : of the poses.
-    asked : (frame) which frames count.
+    asked : (frame) which frames count
     """
     made = []
     for quantity, unit, values, edges in (

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export import check_size, open_checked
+from rso_lidar.export import check_declared_size, open_checked
 from rso_lidar.files import check_regular, describe_size, expand_user, read_arrays, read_text
 
 SUFFIXES = (".csv", ".parquet", ".npz", ".h5", ".hdf5")
@@ -36,8 +36,8 @@ class PredictionLimits(NamedTuple):
 
         Parameters
         ----------
-        rows : number of frames.
-        row_bytes : of all columns of a frame [byte].
+        rows : number of frames
+        row_bytes : of all columns of a frame [byte]
         """
         return PredictionLimits(rows, min(rows * row_bytes + _SPARE_BYTES, _MOST_MEMORY_BYTES))
 
@@ -50,8 +50,7 @@ def read_columns(path: Path, most: PredictionLimits = _WIDEST_LIMITS) -> tuple[d
 
     Parameters
     ----------
-    path : of the file.
-    most : that the file may hold; more is refused before memory is taken for it.
+    most : that the file may hold; more is refused before memory is taken for it
 
     Returns
     -------
@@ -150,7 +149,7 @@ def _read_hdf5(path: Path, most: PredictionLimits) -> tuple[dict[str, Any], str]
         left = most.size_bytes
         for name, found in file.items():
             if isinstance(found, h5py.Dataset):
-                check_size(found)
+                check_declared_size(found)
                 _check_rows(path, name, found.shape[0] if found.shape else 0, most)
                 left -= 0 if name in PIXELS else found.nbytes
                 if left < 0:
@@ -171,8 +170,8 @@ def _check_parquet(path: Path, metadata: Any, most: PredictionLimits) -> None:
 
     Parameters
     ----------
-    path, metadata : of the file, by `pyarrow.parquet`.
-    most : greatest numbers of rows and values, see `PredictionLimits`.
+    path, metadata : of the file, by `pyarrow.parquet`
+    most : greatest numbers of rows and values, see `PredictionLimits`
     """
     _check_rows(path, "the table", metadata.num_rows, most)
     left = most.size_bytes
@@ -189,8 +188,7 @@ def _check_rows(path: Path, name: str, rows: int, most: PredictionLimits) -> Non
 
     Parameters
     ----------
-    path, name : of the file, and of the column.
-    rows, most : its number of rows, and the greatest, see `PredictionLimits`.
+    rows, most : its number of rows, and the greatest, see `PredictionLimits`
     """
     if rows > most.rows:
         raise DatasetError(
@@ -203,8 +201,7 @@ def _make_size_error(path: Path, name: str, most: PredictionLimits) -> DatasetEr
 
     Parameters
     ----------
-    path, name : of the file, and of the column.
-    most : see `PredictionLimits`.
+    most : see `PredictionLimits`
     """
     return DatasetError(
         f"{path}: has columns of more than {describe_size(most.size_bytes)}, {name} among them; give the columns that are "
@@ -213,13 +210,7 @@ def _make_size_error(path: Path, name: str, most: PredictionLimits) -> DatasetEr
 
 
 def _split_vectors(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:
-    """Split positions, quaternions and matrices of scores into columns.
-
-    Parameters
-    ----------
-    path : of the file, for messages.
-    columns : arrays by name.
-    """
+    """Split positions, quaternions and matrices of scores into columns."""
     made = dict(columns)
     for name, parts in _VECTORS.items():
         if name in made:

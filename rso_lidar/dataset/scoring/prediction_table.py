@@ -44,9 +44,8 @@ def load_predictions(path: str | Path, classes: Sequence[str], most: PredictionL
 
     Parameters
     ----------
-    path : of a CSV, Parquet, NPZ or HDF5 file.
-    classes : names of the classes of the dataset, by number.
-    most : that the file may hold (None: 1 GiB of columns).
+    path : of a CSV, Parquet, NPZ or HDF5 file
+    most : that the file may hold (None: 1 GiB of columns)
 
     Returns
     -------
@@ -68,10 +67,7 @@ def check_predictions(
 
     Parameters
     ----------
-    columns : arrays by name, with the frame as first axis.
-    classes : names of the classes of the dataset, by number.
-    name : of the file, for messages.
-    dataset : identity of the dataset that they are about; empty if it is not known.
+    dataset : identity of the dataset that they are about; empty if it is not known
 
     Returns
     -------
@@ -122,10 +118,8 @@ def match_frames(
 
     Parameters
     ----------
-    predictions : what was predicted.
-    truth_keys : (frame, 3) sample, step and draw of the frames of the split.
-    others : (sample) samples of the other splits, by name.
-    split : name of the split.
+    truth_keys : (frame, 3) sample, step and draw of the frames of the split
+    others : (sample) samples of the other splits, by name
 
     Returns
     -------
@@ -162,14 +156,7 @@ def describe_frame(key: Sequence[int]) -> str:
 
 
 def _check_names(columns: Mapping[str, Any], classes: Sequence[str], name: str) -> None:
-    """Check the names of columns, and warn of those that are not read.
-
-    Parameters
-    ----------
-    columns : arrays by name.
-    classes : names of the classes.
-    name : of the file.
-    """
+    """Check the names of columns, and warn of those that are not read."""
     if "sample" not in columns:
         guess = did_you_mean("sample", columns)
         raise DatasetError(f"{name}: no column 'sample'{guess}; it identifies the frame, with 'step' and 'draw'")
@@ -205,13 +192,7 @@ def _check_duplicates(keys: np.ndarray, name: str) -> None:
 
 
 def _read_whole(values: Any, column: str, name: str) -> np.ndarray:
-    """Return a column of whole numbers.
-
-    Parameters
-    ----------
-    values : the column.
-    column, name : of the column and of the file.
-    """
+    """Return a column of whole numbers."""
     numbers = _convert(values, column, name)
     bad = np.flatnonzero(~(np.isfinite(numbers) & (numbers == np.trunc(numbers)) & (np.abs(numbers) < 2**53)))
     if len(bad):
@@ -224,9 +205,7 @@ def _read_numbers(values: Any, column: str, name: str, keys: np.ndarray) -> np.n
 
     Parameters
     ----------
-    values : the column.
-    column, name : of the column and of the file.
-    keys : (frame, 3) identities of the frames.
+    keys : (frame, 3) identities of the frames
     """
     numbers = _convert(values, column, name)
     bad = np.flatnonzero(~np.isfinite(numbers))
@@ -239,13 +218,7 @@ def _read_numbers(values: Any, column: str, name: str, keys: np.ndarray) -> np.n
 
 
 def _convert(values: Any, column: str, name: str) -> np.ndarray:
-    """Return a column as numbers; an empty cell is NaN.
-
-    Parameters
-    ----------
-    values : the column.
-    column, name : of the column and of the file.
-    """
+    """Return a column as numbers; an empty cell is NaN."""
     found = np.asarray(values)
     if found.ndim != 1:
         raise DatasetError(f"{name}: {column} has shape {found.shape}; give one number for each frame")
@@ -268,10 +241,7 @@ def _read_classes(values: Any, classes: Sequence[str], name: str, keys: np.ndarr
 
     Parameters
     ----------
-    values : the column.
-    classes : names by number.
-    name : of the file.
-    keys : (frame, 3) identities of the frames.
+    keys : (frame, 3) identities of the frames
     """
     numbers = {one: number for number, one in enumerate(classes)} | {"": -1}
     words = ["" if one is None else str(one).strip() for one in np.asarray(values).tolist()]
@@ -289,9 +259,7 @@ def _read_pose(columns: Mapping[str, Any], name: str, keys: np.ndarray) -> tuple
 
     Parameters
     ----------
-    columns : arrays by name.
-    name : of the file.
-    keys : (frame, 3) identities of the frames.
+    keys : (frame, 3) identities of the frames
     """
     values = np.stack([_convert(columns[column], column, name) for column in _POSE], axis=1)
     known = np.isfinite(values)

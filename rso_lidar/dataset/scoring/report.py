@@ -17,20 +17,30 @@ from rso_lidar.dataset.scoring.score_figures import ScoreFigure, describe_frames
 from rso_lidar.dataset.scoring.scorecard import Scorecard
 from rso_lidar.errors import DatasetError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.picture import LIGHT, Scheme, embed_figure, save_figure, write_page, write_table
+from rso_lidar.picture import LIGHT, Scheme, html_page, save_figure
 
 SUFFIXES = (".html", ".json")
 _MOST_POINTS = 400  # of a curve in JSON
 
 
-def check_report_output(place: Path, *, overwrite: bool) -> Path:
-    """Check that a report may be written at a path, and return the path.
+def check_score_report(path: str | Path, *, overwrite: bool = False) -> Path:
+    """Check that a score report may be written at a path, before the work begins.
 
     Parameters
     ----------
-    place : an .html or .json file, or a folder for pictures, which is created if it is new.
-    overwrite : whether existing files may be replaced.
+    path : an .html or .json file, or a folder for pictures, which is created if it is new
+    overwrite : whether existing files may be replaced
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    DatasetError
+        For another suffix, a folder that is absent or already holds pictures, and a file that exists.
     """
+    place = Path(path)
     if not place.suffix or place.is_dir():
         if place.exists() and not place.is_dir():
             raise DatasetError(f"{place}: is a file without a suffix; name an .html, a .json or a folder")
@@ -47,22 +57,35 @@ def check_report_output(place: Path, *, overwrite: bool) -> Path:
     return check_writable(place, SUFFIXES, overwrite=overwrite)
 
 
-def save_report(
-    card: Scorecard, place: Path, comparison: Comparison | None = None, scheme: Scheme = LIGHT
+def save_score_report(
+    card: Scorecard,
+    path: str | Path,
+    comparison: Comparison | None = None,
+    scheme: Scheme = LIGHT,
+    *,
+    overwrite: bool = False,
 ) -> list[Path]:
-    """Write a report by the suffix of its path: JSON, HTML, or pictures in a folder.
+    """Write a score report: all numbers as JSON, one HTML page, or pictures in a folder, by the suffix of the path.
 
     Parameters
     ----------
-    card : the scorecard.
-    place : as `check_report_output` returned it.
-    comparison : with another algorithm, if any.
-    scheme : of pictures and pages, `LIGHT` or `DARK`.
+    card : of the predictions, from `score`
+    path : an .html or .json file, or a folder for pictures, which is created if it is new
+    comparison : with another algorithm, from `compare` (None: the report has the scores alone)
+    scheme : of pictures and pages, `LIGHT` or `DARK` of `rso_lidar.picture`
+    overwrite : whether existing files may be replaced
 
     Returns
     -------
-    The paths of the files.
+    list of Path
+        The files that were written.
+
+    Raises
+    ------
+    DatasetError
+        As `check_score_report`.
     """
+    place = check_score_report(path, overwrite=overwrite)
     if place.suffix.lower() == ".json":
         text = json.dumps(describe(card, comparison), indent=1, allow_nan=False) + "\n"
     elif place.suffix.lower() == ".html":
@@ -76,16 +99,16 @@ def save_report(
     return [place]
 
 
-def format_table(card: Scorecard) -> list[str]:
-    """Format the figures of merit of a scorecard as lines of a table.
+def format_scores(card: Scorecard) -> list[str]:
+    """Format the figures of merit of a scorecard as lines of a table, each with its confidence interval.
 
     Parameters
     ----------
-    card : the scorecard.
+    card : of the predictions, from `score`
 
     Returns
     -------
-    The lines.
+    list of str
     """
     several = len(card.runs) > 1
     truth = card.benchmark.truth
@@ -116,11 +139,11 @@ def format_comparison(comparison: Comparison) -> list[str]:
 
     Parameters
     ----------
-    comparison : of two algorithms.
+    comparison : of two algorithms, from `compare`
 
     Returns
     -------
-    The lines.
+    list of str
     """
     share = 1.0 - 2.0 * comparison.level
     rows = [("", "old", "new", "new - old", f"{share:.0%} interval", "p worse", "p better", "verdict")]
@@ -160,8 +183,8 @@ def describe(card: Scorecard, comparison: Comparison | None = None) -> dict[str,
 
     Parameters
     ----------
-    card : the scorecard.
-    comparison : with another algorithm, if any.
+    card : the scorecard
+    comparison : with another algorithm, if any
     """
     truth = card.benchmark.truth
     made: dict[str, Any] = {
@@ -209,22 +232,21 @@ def write_html(card: Scorecard, comparison: Comparison | None = None, scheme: Sc
 
     Parameters
     ----------
-    card : the scorecard.
-    comparison : with another algorithm, if any.
-    scheme : of the page, `LIGHT` or `DARK`.
+    comparison : with another algorithm, if any
+    scheme : of the page, `LIGHT` or `DARK`
     """
     names = ", ".join(run.name for run in card.runs)
     body = [f"<h1>Scores of {escape(names)}</h1>", f'<p class="quiet">{escape(describe_frames(card))}</p>']
     if comparison is not None:
         old = ", ".join(run.name for run in comparison.old.runs)
         body += [f"<h2>Against {escape(old)}</h2>", f"<p><b>{escape(describe_result(comparison))}</b></p>"]
-        body.append(embed_figure(draw_comparison(comparison), "gain of each figure of merit", scheme=scheme))
+        body.append(html_page.embed_figure(draw_comparison(comparison), "gain of each figure of merit", scheme=scheme))
         body.append("<pre>" + escape("\n".join(format_comparison(comparison))) + "</pre>")
     body.append("<h2>Figures of merit</h2>")
-    body += [f'<p class="quiet">{escape(line)}</p>' for line in format_table(card)[1 : -len(card.merits) - 1]]
+    body += [f'<p class="quiet">{escape(line)}</p>' for line in format_scores(card)[1 : -len(card.merits) - 1]]
     body.append(_tabulate(card))
     for figure in list_figures(card):
-        body.append(embed_figure(figure.draw(), figure.caption, escape(figure.caption), scheme))
+        body.append(html_page.embed_figure(figure.draw(), figure.caption, escape(figure.caption), scheme))
     body.append("<h2>How to read this</h2>")
     body.append(
         "<p>What is independent in a dataset is the encounter, not the frame: intervals are over encounters. Shares have "
@@ -232,7 +254,7 @@ def write_html(card: Scorecard, comparison: Comparison | None = None, scheme: Sc
         f"{card.replicates:,} draws. A frame without a prediction counts as a failure.</p>"
         f'<p class="quiet">dataset <code>{escape(card.benchmark.identity)}</code>, rso_lidar {version("rso-lidar")}</p>'
     )
-    return write_page(f"Scores of {names}", body, scheme)
+    return html_page.write_page(f"Scores of {names}", body, scheme)
 
 
 def _list_all(card: Scorecard, comparison: Comparison | None) -> list[ScoreFigure]:
@@ -263,7 +285,7 @@ def _tabulate(card: Scorecard) -> str:
                 f"{merit.value.encounters:,}", merit.better, escape(merit.meaning),
             ]
         )  # fmt: skip
-    return write_table(heads, rows)
+    return html_page.write_table(heads, rows)
 
 
 def _describe_value(value: Value) -> dict[str, Any]:
@@ -316,9 +338,8 @@ def _format_number(value: float, sign: bool = False, digits: int = 4) -> str:
 
     Parameters
     ----------
-    value : the number; a hyphen for NaN.
-    sign : whether a plus is written.
-    digits : significant ones.
+    value : the number; a hyphen for NaN
+    sign : whether a plus is written
     """
     if np.isnan(value):
         return "-"
@@ -330,8 +351,8 @@ def _format_pair(low: float, high: float, sign: bool = False) -> str:
 
     Parameters
     ----------
-    low, high : the ends; a hyphen for NaN.
-    sign : whether a plus is written.
+    low, high : the ends; a hyphen for NaN
+    sign : whether a plus is written
     """
     if np.isnan(low):
         return "-"

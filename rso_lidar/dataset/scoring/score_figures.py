@@ -51,10 +51,6 @@ class ScoreFigure:
 def list_figures(card: Scorecard) -> list[ScoreFigure]:
     """Return the figures of a scorecard.
 
-    Parameters
-    ----------
-    card : the scorecard.
-
     Returns
     -------
     The figures of the tasks that the predictions have, in the order of a report; each is drawn when it is asked for.
@@ -108,10 +104,6 @@ def list_figures(card: Scorecard) -> list[ScoreFigure]:
 def draw_comparison(comparison: Comparison) -> Any:
     """Draw the gain of each figure of merit with its interval.
 
-    Parameters
-    ----------
-    comparison : what to draw.
-
     Returns
     -------
     The matplotlib figure.
@@ -148,13 +140,7 @@ def format_interval(value: Value) -> str:
 
 
 def _bind(panels: Sequence[BinnedPanel], title: str, note: str) -> Callable[[], Any]:
-    """Return a function that draws panels.
-
-    Parameters
-    ----------
-    panels : what to draw.
-    title, note : the heading.
-    """
+    """Return a function that draws panels."""
     return lambda: binned_figure(panels, title, note)
 
 
@@ -169,14 +155,7 @@ def _caption(group: str) -> str:
 
 
 def _make_panel(bins: Bins, values: Mapping[str, Sequence[Value]], merits: Mapping[str, Value]) -> BinnedPanel:
-    """Make a panel of figures in bins.
-
-    Parameters
-    ----------
-    bins : the bins.
-    values : of each series, by bin.
-    merits : figures of merit by name.
-    """
+    """Make a panel of figures in bins."""
     is_recall = bins.name == "recall"
     series = {
         name: np.array([(one.value, one.low, one.high) for one in of_series]) for name, of_series in values.items()

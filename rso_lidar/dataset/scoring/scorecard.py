@@ -21,8 +21,6 @@ from rso_lidar.dataset.scoring.presence import Presence, score_presence
 from rso_lidar.errors import DatasetError
 from rso_lidar.records import Symmetry
 
-SCORE_REPLICATES = 2000
-SCORE_CONFIDENCE = 0.95
 _BLOCK = 64  # frames of pixels in memory at once
 
 
@@ -34,8 +32,8 @@ class PixelReader(Protocol):
 
         Parameters
         ----------
-        rows : numbers of the frames.
-        names : of the arrays.
+        rows : numbers of the frames
+        names : of the arrays
         """
         ...
 
@@ -103,19 +101,27 @@ class ScoredMerit:
 
 @dataclass(frozen=True, eq=False)
 class Scorecard:
-    """Scores of an algorithm on a split."""
+    """Scores of an algorithm on a split.
+
+    Parameters
+    ----------
+    benchmark : the frames, and what is true of them
+    runs : scores of each training run of the algorithm
+    replicates : draws of the bootstrap over encounters
+    confidence : level of the intervals
+    """
 
     benchmark: Benchmark
     runs: tuple[RunScores, ...]
-    replicates: int = SCORE_REPLICATES
-    confidence: float = SCORE_CONFIDENCE
+    replicates: int = 2000
+    confidence: float = 0.95
 
     def draw(self, places: Sequence[int]) -> np.ndarray:
         """Return replicates (run, merit, replicate) of the bootstrap.
 
         Parameters
         ----------
-        places : of the figures of merit among `merits`.
+        places : of the figures of merit among `merits`
         """
         encounters = self.benchmark.truth.encounters
         return np.stack([replicate(of_run, encounters, self.replicates) for of_run in self._choose(places)])
@@ -125,7 +131,7 @@ class Scorecard:
 
         Parameters
         ----------
-        places : of the figures of merit among `merits`.
+        places : of the figures of merit among `merits`
         """
         encounters = self.benchmark.truth.encounters
         mean: np.ndarray = np.stack([evaluate_all(of_run, encounters) for of_run in self._choose(places)]).mean(axis=0)
@@ -189,7 +195,7 @@ class Scorecard:
 
         Parameters
         ----------
-        name : of a class; empty for presence.
+        name : of a class; empty for presence
         """
         found = []
         for run in self.runs:
@@ -205,9 +211,7 @@ def score_run(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) 
 
     Parameters
     ----------
-    predictions : what was predicted.
-    rows : (frame) row of the prediction of each frame of the truth, -1 where it is missing: a failure.
-    benchmark : what they are scored against.
+    rows : (frame) row of the prediction of each frame of the truth, -1 where it is missing: a failure
 
     Returns
     -------
@@ -242,9 +246,9 @@ def _take(values: np.ndarray, rows: np.ndarray, absent: float) -> np.ndarray:
 
     Parameters
     ----------
-    values : (row, …) of the predictions.
-    rows : (frame) rows, -1 where missing.
-    absent : value where missing.
+    values : (row, …) of the predictions
+    rows : (frame) rows, -1 where missing
+    absent : value where missing
     """
     taken = np.full((len(rows), *values.shape[1:]), absent, dtype=values.dtype)
     taken[rows >= 0] = values[rows[rows >= 0]]
@@ -256,9 +260,7 @@ def _score_parts(predictions: Predictions, rows: np.ndarray, benchmark: Benchmar
 
     Parameters
     ----------
-    predictions : what was predicted.
-    rows : (frame) rows of the predictions.
-    benchmark : what they are scored against.
+    rows : (frame) rows of the predictions
     """
     counts = PartCounts(len(benchmark.truth), benchmark.part_classes)
     for at, arrays in _read_blocks(benchmark, ("part_class_id", "range_m")):
@@ -278,9 +280,7 @@ def _score_ranges(predictions: Predictions, rows: np.ndarray, benchmark: Benchma
 
     Parameters
     ----------
-    predictions : what was predicted.
-    rows : (frame) rows of the predictions.
-    benchmark : what they are scored against.
+    rows : (frame) rows of the predictions
     """
     errors = RangeErrors(len(benchmark.truth))
     names = tuple(name for name in ("oversampled_range_m", "oversampled_photons") if name in predictions.pixels)
@@ -293,13 +293,7 @@ def _score_ranges(predictions: Predictions, rows: np.ndarray, benchmark: Benchma
 
 
 def _read_blocks(benchmark: Benchmark, names: Sequence[str]) -> Any:
-    """Yield the numbers of some frames with arrays of them, a block at a time.
-
-    Parameters
-    ----------
-    benchmark : with the reader.
-    names : of the arrays.
-    """
+    """Yield the numbers of some frames with arrays of them, a block at a time."""
     if benchmark.pixels is None:
         raise DatasetError(f"{benchmark.split}: holds no {names[0]}; make the dataset with it")
     for start in range(0, len(benchmark.truth), _BLOCK):
@@ -314,11 +308,8 @@ def _take_pixels(
 
     Parameters
     ----------
-    predictions : what was predicted.
-    name : of the array.
-    rows : (frame) rows of some frames, -1 where missing.
-    shape : of one frame.
-    absent : value where missing.
+    rows : (frame) rows of some frames, -1 where missing
+    absent : value where missing
     """
     source = predictions.pixels[name]
     if tuple(source.shape[1:]) != tuple(shape):

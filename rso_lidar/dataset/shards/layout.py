@@ -83,12 +83,7 @@ class LabelledFrame(Record):
 
 
 def describe_array(name: str) -> ArraySpec:
-    """Return dims, dtype, unit and meaning of an array of a shard, without its first dimension, the frame.
-
-    Parameters
-    ----------
-    name : of the array.
-    """
+    """Return dims, dtype, unit and meaning of an array of a shard, without its first dimension, the frame."""
     if name.startswith(VARIABLE_PREFIX):
         place = name.removeprefix(VARIABLE_PREFIX)
         vector, _, number = place.rpartition(".")

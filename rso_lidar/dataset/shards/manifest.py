@@ -36,8 +36,7 @@ def read_manifest(folder: Path, dataset: str) -> dict[str, ShardRecord]:
 
     Parameters
     ----------
-    folder : of the dataset.
-    dataset : hash of the dataset that the lines must belong to.
+    dataset : hash of the dataset that the lines must belong to
 
     Raises
     ------
@@ -76,14 +75,7 @@ def _check_record(record: ShardRecord) -> ShardRecord:
 
 
 def append_record(folder: Path, record: ShardRecord, dataset: str) -> None:
-    """Append the record of a finished shard, and flush it to the disk.
-
-    Parameters
-    ----------
-    folder : of the dataset.
-    record : of the shard.
-    dataset : hash of the dataset.
-    """
+    """Append the record of a finished shard, and flush it to the disk."""
     place = folder / MANIFEST
     line = json.dumps({"dataset": dataset, **asdict(record)}) + "\n"
     with hold_lock(folder / f".{MANIFEST}.lock", wait_s=_LOCK_WAIT_S):

@@ -12,7 +12,7 @@ import numpy as np
 
 from rso_lidar.dataset.shards.shard_file import CONVENTIONS, hash_file
 from rso_lidar.errors import DatasetError
-from rso_lidar.export import check_size, open_checked
+from rso_lidar.export import check_declared_size, open_checked
 from rso_lidar.files import write_atomically, write_text
 
 SENSOR_FILE = "sensor.h5"
@@ -44,13 +44,7 @@ class Constants:
 
 
 def write_constants(folder: Path, constants: Constants) -> None:
-    """Write the sensor file, and its hash before it.
-
-    Parameters
-    ----------
-    folder : of the dataset.
-    constants : content of the file.
-    """
+    """Write the sensor file, and its hash before it."""
     import h5py
 
     with write_atomically(folder / SENSOR_FILE, keep_suffix=False) as draft:
@@ -74,10 +68,6 @@ def write_constants(folder: Path, constants: Constants) -> None:
 def read_constants(folder: Path) -> Constants:
     """Read the sensor file.
 
-    Parameters
-    ----------
-    folder : of the dataset.
-
     Raises
     ------
     DatasetError
@@ -97,7 +87,7 @@ def read_constants(folder: Path) -> Constants:
             lists = {name: _load_names(file.attrs[name]) for name in _LISTS}
             groups = {name: file[f"sensors/{name}"] for name in lists["sensors"]}
             for group in groups.values():
-                check_size(group["line_of_sight"])
+                check_declared_size(group["line_of_sight"])
             lidars = {name: str(group.attrs["lidar"]) for name, group in groups.items()}
             tables = [json.loads(file.attrs["symmetries"]), json.loads(file.attrs.get("file_sha256", "{}"))]
             for table in (*tables, *map(json.loads, lidars.values())):

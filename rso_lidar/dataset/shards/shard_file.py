@@ -14,7 +14,7 @@ import numpy as np
 from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame, describe_array
 from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError
-from rso_lidar.export import CACHE_BYTES, ImageEncoder, open_checked
+from rso_lidar.export import ImageEncoder, open_checked
 from rso_lidar.files import check_regular, explain_unreadable, write_atomically
 from rso_lidar.records import specs
 
@@ -35,11 +35,10 @@ def write_shard(
 
     Parameters
     ----------
-    path : of the file; an existing one is replaced.
-    frames : in order.
-    variables : (frame) drawn numbers by name.
-    names : of all numbers that the dataset draws.
-    dataset : hash of the dataset that the shard belongs to.
+    path : of the file; an existing one is replaced
+    variables : (frame) drawn numbers by name
+    names : of all numbers that the dataset draws
+    dataset : hash of the dataset that the shard belongs to
     """
     import h5py
 
@@ -64,9 +63,8 @@ def _write_array(file: Any, name: str, entries: list[np.ndarray]) -> None:
 
     Parameters
     ----------
-    file : open h5py file.
-    name : of the array.
-    entries : (frame) its values.
+    file : open h5py file
+    entries : (frame) its values
     """
     spec = describe_array(name)
     if len(spec.dims) == _IMAGE_DIMENSIONS:
@@ -85,14 +83,13 @@ def _write_array(file: Any, name: str, entries: list[np.ndarray]) -> None:
     dataset.attrs["dims"] = " ".join(("frame", *spec.dims))
 
 
-def open_shard(path: Path, dataset: str | None, cache_bytes: int = CACHE_BYTES) -> Any:
+def open_shard(path: Path, dataset: str | None, cache_bytes: int = sys.maxsize) -> Any:
     """Open a shard with h5py to read.
 
     Parameters
     ----------
-    path : of the file.
-    dataset : hash of the dataset that it must belong to; None for one that was checked before.
-    cache_bytes : of chunks, which are frames, that libhdf5 keeps for each array [B].
+    dataset : hash of the dataset that it must belong to; None for one that was checked before
+    cache_bytes : of chunks, which are frames, that libhdf5 keeps for each array [bytes], at most 1 MiB
 
     Raises
     ------
@@ -102,7 +99,7 @@ def open_shard(path: Path, dataset: str | None, cache_bytes: int = CACHE_BYTES) 
     if path.exists():
         check_regular(path, sys.maxsize, DatasetError, "shard")
     try:
-        file = open_checked(path, cache_bytes=min(cache_bytes, CACHE_BYTES))
+        file = open_checked(path, cache_bytes=cache_bytes)
         found = None if dataset is None else file.attrs.get("dataset_sha256")
     except FileNotFoundError:
         raise DatasetError(f"{path}: the shard is missing; run `rso-lidar dataset make` again with --resume") from None
@@ -119,12 +116,7 @@ def open_shard(path: Path, dataset: str | None, cache_bytes: int = CACHE_BYTES) 
 
 
 def list_drafts(folder: Path) -> list[Path]:
-    """List the temporary files of shards that running or killed runs have left in the folder of a dataset.
-
-    Parameters
-    ----------
-    folder : of the dataset.
-    """
+    """List the temporary files of shards that running or killed runs have left in the folder of a dataset."""
     # .part.h5 is the name that earlier versions gave them
     return sorted(
         draft

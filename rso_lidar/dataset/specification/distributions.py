@@ -24,10 +24,6 @@ _MOST_VALUES = 10_000
 def _list_bounds(low: Bound, high: Bound) -> tuple[np.ndarray, np.ndarray]:
     """Return lower and upper bounds (component) of a law.
 
-    Parameters
-    ----------
-    low, high : a number, or one for each component.
-
     Raises
     ------
     ValueError
@@ -43,13 +39,7 @@ def _list_bounds(low: Bound, high: Bound) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _check_positive(low: Bound, high: Bound, name: str) -> None:
-    """Raise `ValueError` for a lower bound that is not above 0.
-
-    Parameters
-    ----------
-    low, high : bounds of a law.
-    name : of the law.
-    """
+    """Raise `ValueError` for a lower bound that is not above 0."""
     lows, _ = _list_bounds(low, high)
     if lows.min() <= 0.0:
         raise ValueError(f"a {name} law needs low above 0, not {lows.min():g}")
@@ -76,7 +66,7 @@ class _Law(Part):
 
         Parameters
         ----------
-        share : (dimension), numbers from 0 to below 1.
+        share : (dimension), numbers from 0 to below 1
         """
 
 
@@ -106,8 +96,8 @@ class _Bounded(_Law):
 
         Parameters
         ----------
-        share : (component), from 0 to below 1.
-        low, high : (component) bounds.
+        share : (component), from 0 to below 1
+        low, high : (component) bounds
         """
         spread: np.ndarray = low + (high - low) * share
         return spread
@@ -301,9 +291,7 @@ def check_components(law: Any, count: int, place: str) -> None:
 
     Parameters
     ----------
-    law : the law.
-    count : of components that its field has; 1 is a number.
-    place : key of the law, for the message.
+    count : of components that its field has; 1 is a number
 
     Raises
     ------
@@ -321,11 +309,6 @@ def check_components(law: Any, count: int, place: str) -> None:
 
 def check_range(law: Any, place: str) -> None:
     """Check that a law draws ranges: numbers above 0, so that no body is in the lidar or behind it.
-
-    Parameters
-    ----------
-    law : the law.
-    place : key of the law, for the message.
 
     Raises
     ------

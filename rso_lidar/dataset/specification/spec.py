@@ -152,8 +152,7 @@ def _check_names(place: str, names: list[str]) -> None:
 
     Parameters
     ----------
-    place : key of the list that holds them.
-    names : the names.
+    place : key of the list that holds them
     """
     for k, name in enumerate(names):
         if name in names[:k]:
@@ -165,9 +164,7 @@ def _check_split_names(split: Any, known: list[str], what: str) -> None:
 
     Parameters
     ----------
-    split : rule with `val` and `test`.
-    known : names that exist.
-    what : kind of what is named.
+    split : rule with `val` and `test`
     """
     for place in ("val", "test"):
         for name in getattr(split, place):
@@ -184,8 +181,7 @@ def check_model_split(spec: DatasetSpec, models: list[tuple[str, ...]]) -> None:
 
     Parameters
     ----------
-    spec : the specification.
-    models : (class) models of each class.
+    models : (class) models of each class
 
     Raises
     ------

@@ -52,8 +52,8 @@ class RedrawNoise:
 
     Parameters
     ----------
-    excess : variance of the signal over its photons.
-    noise_photons : rms noise of the amplifier [photons].
+    excess : variance of the signal over its photons
+    noise_photons : rms noise of the amplifier [photons]
     """
 
     excess: float = 4.4
@@ -71,9 +71,9 @@ class RedrawNoise:
 
         Parameters
         ----------
-        frame : the unchanged frame.
-        changed : `photons`, `detection_probability` and `range_sigma_m` of the other light; those of the frame if absent.
-        rng : random generator.
+        frame : the unchanged frame
+        changed : `photons`, `detection_probability` and `range_sigma_m` of the other light; those of the frame if absent
+        rng : random generator
 
         Returns
         -------
@@ -109,8 +109,8 @@ def _count_by_light(photons: np.ndarray, counts: np.ndarray, wanted: np.ndarray)
 
     Parameters
     ----------
-    photons, counts : (report) of the reports of a frame.
-    wanted : (pixel) photons to convert.
+    photons, counts : (report) of the reports of a frame
+    wanted : (pixel) photons to convert
     """
     if not len(photons):
         return np.ones(len(wanted))
@@ -140,9 +140,9 @@ class LowerEnergy:
     Parameters
     ----------
     photons, normal, sigma_m : (level) the mean curves: photons, the standard normal deviate of the probability, and the
-        standard deviation of range [m].
-    least : smallest factor.
-    redraw : augmentation that draws the noise.
+        standard deviation of range [m]
+    least : smallest factor
+    redraw : augmentation that draws the noise
     """
 
     photons: tuple[float, ...]
@@ -158,13 +158,13 @@ class LowerEnergy:
 
         Parameters
         ----------
-        split : split to train on.
-        least : smallest factor.
+        split : split to train on
+        least : smallest factor
 
         Other Parameters
         ----------------
-        frames : approximate number of frames to read, spread over the split.
-        sensor : number of the sensor whose frames are read; each sensor has its own curves.
+        frames : approximate number of frames to read, spread over the split
+        sensor : number of the sensor whose frames are read; each sensor has its own curves
 
         Returns
         -------
@@ -246,7 +246,7 @@ class MirrorImages:
 
         Parameters
         ----------
-        fields : names of the arrays.
+        fields : names of the arrays
 
         Raises
         ------
@@ -270,8 +270,7 @@ def turn_frame(frame: dict[str, np.ndarray], turns: int) -> dict[str, np.ndarray
 
     Parameters
     ----------
-    frame : of a square array.
-    turns : number of quarter turns.
+    turns : number of quarter turns
 
     Returns
     -------
@@ -302,12 +301,7 @@ def turn_frame(frame: dict[str, np.ndarray], turns: int) -> dict[str, np.ndarray
 
 
 def mirror_frame(frame: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Mirror a frame from left to right.
-
-    Parameters
-    ----------
-    frame : without an attitude.
-    """
+    """Mirror a frame from left to right."""
     mirrored = dict(frame)
     for name in IMAGES:
         if name in frame:

@@ -17,7 +17,7 @@ class Augmentation(Protocol):
 
     Parameters
     ----------
-    needs : names of the arrays that it reads.
+    needs : names of the arrays that it reads
     """
 
     needs: tuple[str, ...]
@@ -32,8 +32,8 @@ class Transform(Protocol):
 
     Parameters
     ----------
-    needs : names of the arrays that it reads.
-    makes : names of the arrays that it adds.
+    needs : names of the arrays that it reads
+    makes : names of the arrays that it adds
     """
 
     needs: tuple[str, ...]
@@ -67,15 +67,15 @@ class FrameDataset:
 
         Parameters
         ----------
-        split : such as ``rl.dataset.open(folder).split("train")``.
-        fields : names of the arrays of each frame.
+        split : such as ``rl.dataset.open(folder).split("train")``
+        fields : names of the arrays of each frame
 
         Other Parameters
         ----------------
         augmentations, transforms : changes of each frame. Arrays that only they need are read and not returned. Plain
             functions ``augment(frame, rng)`` and ``transform(frame)``, which state neither `needs` nor `makes`, get the
-            arrays of `fields`. They return the frame, and what they add to it is returned, too.
-        seed : random seed of the augmentations.
+            arrays of `fields`. They return the frame, and what they add to it is returned, too
+        seed : random seed of the augmentations
 
         Raises
         ------
@@ -127,8 +127,7 @@ class FrameDataset:
 
         Parameters
         ----------
-        frame : frame of the shard.
-        index : its index, with the epoch if that is known.
+        index : its index, with the epoch if that is known
         """
         if self.augmentations:
             entropy = (self.seed, index.epoch, index.frame) if isinstance(index, Visit) else None
@@ -145,8 +144,7 @@ class FrameDataset:
 
         Parameters
         ----------
-        frame, change : what was returned, and what returned it.
-        place : of the change, such as `transforms[0]`.
+        place : of the change, such as `transforms[0]`
         """
         if not isinstance(frame, dict):
             raise DatasetError(
@@ -164,8 +162,7 @@ def _list_changes(changes: Any, place: str) -> tuple[Any, ...]:
 
     Parameters
     ----------
-    changes : what the user gave.
-    place : name of the argument, such as `transforms`.
+    place : name of the argument, such as `transforms`
     """
     if callable(changes) or not isinstance(changes, Iterable):
         raise DatasetError(f"{place}: is {changes!r:.60}; give a list of functions or of objects such as CropReturns()")
@@ -192,7 +189,7 @@ def stack_frames(frames: Iterable[Mapping[str, np.ndarray]]) -> dict[str, np.nda
 
     Parameters
     ----------
-    frames : of one shape.
+    frames : of one shape
 
     Returns
     -------
@@ -209,7 +206,7 @@ def to_tensors(frames: Iterable[Mapping[str, np.ndarray]]) -> dict[str, Any]:
 
     Parameters
     ----------
-    frames : of one shape.
+    frames : of one shape
 
     Returns
     -------

@@ -36,14 +36,14 @@ class FrameSampler:
 
         Parameters
         ----------
-        split : whose frames are visited.
+        split : whose frames are visited
         shuffle : ``"frames"`` shuffles all frames. ``"shards"`` shuffles the shards, and the frames within each group of
-            a few shards, for disks on which random reads are slow. ``"none"`` keeps the order.
+            a few shards, for disks on which random reads are slow. ``"none"`` keeps the order
 
         Other Parameters
         ----------------
-        seed : random seed.
-        shards_at_once : number of shards among which frames are mixed.
+        seed : random seed
+        shards_at_once : number of shards among which frames are mixed
 
         Raises
         ------
@@ -66,7 +66,7 @@ class FrameSampler:
 
         Parameters
         ----------
-        epoch : counted from 0.
+        epoch : counted from 0
         """
         self.epoch = epoch
 
@@ -80,7 +80,7 @@ class FrameSampler:
 
         Parameters
         ----------
-        epoch : counted from 0.
+        epoch : counted from 0
         """
         rng = np.random.Generator(np.random.Philox(np.random.SeedSequence((self.seed, epoch))))
         if self.shuffle == "none":

@@ -22,10 +22,10 @@ class CropReturns:
 
     Parameters
     ----------
-    size : rows and columns of the image.
-    depth_m : greatest distance of a return from the median range [m].
-    range_scale_m : range that is 1 in the first channel [m].
-    margin_pixels : empty rows and columns around the returns.
+    size : rows and columns of the image
+    depth_m : greatest distance of a return from the median range [m]
+    range_scale_m : range that is 1 in the first channel [m]
+    margin_pixels : empty rows and columns around the returns
     """
 
     size: int = 64
@@ -73,9 +73,9 @@ class PointCloud:
 
     Parameters
     ----------
-    lines_of_sight : (sensor) each (row, col, xyz), by `sensor_id`.
-    points : number of points.
-    depth_m : greatest distance of a return from the median range [m]; others, such as false alarms, are left out.
+    lines_of_sight : (sensor) each (row, col, xyz), by `sensor_id`
+    points : number of points
+    depth_m : greatest distance of a return from the median range [m]; others, such as false alarms, are left out
     """
 
     lines_of_sight: Sequence[np.ndarray]
@@ -90,8 +90,8 @@ class PointCloud:
 
         Parameters
         ----------
-        data : the dataset.
-        points, depth_m : as for the class.
+        data : the dataset
+        points, depth_m : as for the class
         """
         sights = tuple(data.constants.line_of_sight[name].astype(np.float32) for name in data.sensors)
         return cls(sights, points, depth_m)
@@ -118,8 +118,8 @@ def find_returns(range_m: np.ndarray, depth_m: float) -> tuple[np.ndarray, np.nd
 
     Parameters
     ----------
-    range_m : (row, col) [m], NaN where nothing was reported.
-    depth_m : greatest distance from the median [m].
+    range_m : (row, col) [m], NaN where nothing was reported
+    depth_m : greatest distance from the median [m]
 
     Returns
     -------

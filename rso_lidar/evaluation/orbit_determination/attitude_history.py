@@ -74,13 +74,7 @@ class AttitudeHistory:
 
 
 def read_star_tracker(samples: StarTrackerSamples, part: StarTracker) -> AttitudeHistory:
-    """Return the attitudes of a star tracker.
-
-    Parameters
-    ----------
-    samples : of the recording
-    part : the sensor, which states its errors
-    """
+    """Return the attitudes of a star tracker."""
     from scipy.spatial.transform import Rotation
 
     good = np.asarray(samples.valid, dtype=bool)

@@ -42,10 +42,7 @@ def find_sensor(scenario: Scenario, kind: type[_Sensor], name: str | None, asked
 
     Parameters
     ----------
-    scenario : of the recording
-    kind : class of the sensor
     name : of the sensor (None: the first of its kind)
-    asked_by : start of error messages
     """
     known = {part.name: part for part in scenario.sensor if isinstance(part, kind)}
     if name is not None and name not in known:
@@ -56,14 +53,7 @@ def find_sensor(scenario: Scenario, kind: type[_Sensor], name: str | None, asked
 
 
 def join_observed(observations: Sequence[Observation], name: str, asked_by: str) -> SensorSamples:
-    """Join the samples of a sensor over observations.
-
-    Parameters
-    ----------
-    observations : in the order of time
-    name : of the sensor
-    asked_by : start of error messages
-    """
+    """Join the samples of a sensor over observations."""
     if any(name not in one.sensors for one in observations):
         raise RecordingError(f"{asked_by}: frames without samples of sensor '{name}'; record them again with it")
     return join_samples([{name: one.sensors[name]} for one in observations])[name]
@@ -76,9 +66,7 @@ def find_attitude(
 
     Parameters
     ----------
-    scenario, frames : of the recording
     known_attitude : whether the recorded attitude counts as known instead
-    asked_by : start of error messages
     """
     if known_attitude:
         return take_known_attitude(frames)
@@ -106,12 +94,6 @@ def read_gnss(
     samples: GnssSamples, part: Gnss, attitude: AttitudeHistory | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return instants (sample) [s], positions and velocities (sample, 3) of the follower's origin from valid solutions.
-
-    Parameters
-    ----------
-    samples : of the receiver, for its antenna
-    part : the receiver
-    attitude : of the follower, to go from the antenna to the origin
 
     Raises
     ------
@@ -149,8 +131,6 @@ def measure_target(
 
     Parameters
     ----------
-    scenario, frames : of the recording
-    attitude : of the follower
     size_m : greatest extent of the target [m]
     range_noise_m : standard deviation of one range [m]
     wander_m : changes of the centroid on the target from frame to frame, along the line of sight and across it, 1 sigma [m]

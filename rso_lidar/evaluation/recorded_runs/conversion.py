@@ -16,22 +16,18 @@ from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
 from rso_lidar.export import (
     Frames,
     Recording,
-    TruthBatch,
-    choose_samples,
     format_for,
-    join_batches,
     peek_source,
-    read_truth_batches,
-    write_czml,
+    read_truth,
     writer_for,
 )
 from rso_lidar.files import check_writable, convert_path
-from rso_lidar.mission_analysis import build_globe, find_velocity_jumps_s
+from rso_lidar.mission_analysis import choose_globe_samples, find_velocity_jumps_s, write_globe
 from rso_lidar.motion import write_aem
 from rso_lidar.orbit import write_oem
 from rso_lidar.part import parse_toml
 from rso_lidar.pose import ROOT
-from rso_lidar.records import BodyState, Frame, Source
+from rso_lidar.records import Frame, Source
 
 _TABLES = ("csv", "parquet")  # written with UTC, which needs time scales
 
@@ -102,16 +98,11 @@ def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str
     target : name of the body (None: the follower)
     """
     folder = _find_folder(frames)
-    batches = list(read_truth_batches(frames))
-    name = _check_name(target, list(batches[0][0].states))
-    time_s = _join_times(batches)
-    states = BodyState(
-        np.concatenate([truth.states[name].position_m for truth, _ in batches]),
-        np.concatenate([truth.states[name].velocity_m_s for truth, _ in batches]),
-    )
-    breaks = _find_breaks_s(source, name, time_s, folder)
-    epochs = orbit.Epochs(_parse_start(source), time_s)
-    return write_oem(place, name, name, epochs, states, breaks_s=breaks, overwrite=True)
+    truth = read_truth(frames)
+    name = _check_name(target, list(truth.states))
+    breaks = _find_breaks_s(source, name, truth.time_s, folder)
+    epochs = orbit.Epochs(_parse_start(source), truth.time_s)
+    return write_oem(place, name, name, epochs, truth.states[name], breaks_s=breaks, overwrite=True)
 
 
 def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
@@ -123,15 +114,10 @@ def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str
     """
     from scipy.spatial.transform import Rotation
 
-    batches = list(read_truth_batches(frames))
-    name = _check_name(target, list(batches[0][0].poses))
-    turned = np.concatenate(
-        [
-            np.broadcast_to(truth.pose(ROOT, name).rotation.as_matrix(), (truth.time_s.size, 3, 3))
-            for truth, _ in batches
-        ]
-    )
-    epochs = orbit.Epochs(_parse_start(source), _join_times(batches))
+    truth = read_truth(frames)
+    name = _check_name(target, list(truth.poses))
+    turned = np.broadcast_to(truth.pose(ROOT, name).rotation.as_matrix(), (truth.time_s.size, 3, 3))
+    epochs = orbit.Epochs(_parse_start(source), truth.time_s)
     return write_aem(place, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)
 
 
@@ -140,18 +126,12 @@ def _write_czml(place: Path, frames: Iterable[Frame], source: Source) -> Path:
     if isinstance(frames, Recording):
         frames = frames[:]
     if isinstance(frames, Frames):  # so that no other frame is read
-        chosen = read_truth_batches(
-            Frames(frames.recording, [frames.places[k] for k in choose_samples(len(frames)).tolist()])
-        )
-        truth, _ = join_batches(chosen)
+        chosen = [frames.places[k] for k in choose_globe_samples(len(frames)).tolist()]
+        truth = read_truth(Frames(frames.recording, chosen))
     else:
-        truth, _ = join_batches(read_truth_batches(frames), choose_samples)
-    targets = [one.name for one in source.targets]
-    return write_czml(place, build_globe(source.title, _parse_start(source), targets, truth))
-
-
-def _join_times(batches: list[TruthBatch]) -> np.ndarray:
-    return np.concatenate([truth.time_s for truth, _ in batches])
+        truth = read_truth(frames, choose_globe_samples)
+    targets = [target.name for target in source.targets]
+    return write_globe(place, source.title, _parse_start(source), targets, truth)
 
 
 def _check_name(name: str | None, known: list[str]) -> str:

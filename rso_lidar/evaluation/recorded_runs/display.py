@@ -16,12 +16,11 @@ from rso_lidar.evaluation.recorded_runs.player import Colour, find_fullest_frame
 from rso_lidar.export import Frames, Recording
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import make_temporary_folder
-from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, Shape, rerun_scene
+from rso_lidar.picture import ANIMATION_SUFFIXES, FIGURE_SUFFIXES, LIGHT, Scheme, Shape, rerun_scene
 from rso_lidar.records import Frame, Source
 
 _SCENE = ".rrd"
-_FILMS = (".gif", ".mp4")
-_PICTURES = (*FIGURE_SUFFIXES, *_FILMS)
+_PICTURES = (*FIGURE_SUFFIXES, *ANIMATION_SUFFIXES)
 _SHEET = "_view_sheet.png"
 _SHEET_FRAMES = 16
 _BESIDE = ("_view.png", _SHEET, "_view.gif")  # ends of the files beside a recording
@@ -163,7 +162,7 @@ def _show(
     if not len(frames):
         raise RecordingError("view: the recording has no frames; record some")
     suffixes = {path.suffix.lower() for path in chosen.paths}
-    needless = bool(suffixes) and suffixes <= {*_FILMS}  # animations show no mesh
+    needless = bool(suffixes) and suffixes <= {*ANIMATION_SUFFIXES}  # animations show no mesh
     shapes = [] if needless else load_true_shapes(frames[0].source, folder)
     if chosen.tool == "window":
         play(frames, shapes, colour, scheme)
@@ -190,7 +189,7 @@ def _write_pictures(
     """Write pictures by the suffix of their names, and describe the frames that each shows."""
     count, contents = len(frames), []
     for path in paths:
-        if path.suffix.lower() in _FILMS:
+        if path.suffix.lower() in ANIMATION_SUFFIXES:
             picture.animate(frames, path, scheme=scheme)
             contents.append(_count_frames(count))
         elif len(paths) > 1 and path.name.endswith(_SHEET):

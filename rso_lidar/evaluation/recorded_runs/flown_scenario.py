@@ -37,10 +37,7 @@ def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str
 
     Parameters
     ----------
-    scenario : of the recording
-    source : of the recording
     number : index of the target
-    asked_by : start of error messages
 
     Raises
     ------
@@ -63,9 +60,7 @@ def find_target(source: Source, target: str | None, asked_by: str) -> int:
 
     Parameters
     ----------
-    source : of the recording
     target : its name (None: the first)
-    asked_by : start of error messages
 
     Raises
     ------

@@ -21,17 +21,14 @@ from rso_lidar.picture import (
     Scheme,
     Shape,
     Thumbnail,
-    bounding_window,
+    choose_window,
     colour_maps,
-    crop,
     draw_intensity,
     draw_range,
     even_indices,
     figures,
-    find_target_pixels,
-    on_target,
+    find_target_returns,
     palette,
-    range_limits_m,
     recolour,
     save_figure,
     summarize_frame,
@@ -154,7 +151,7 @@ class Player:
     def _show(self, place: int) -> None:
         self.shown = place
         frame = self.frames[place]
-        window = crop(bounding_window(find_target_pixels(frame)))
+        window = choose_window(frame)
         for axes, draw in ((self._range, draw_range), (self._intensity, draw_intensity)):
             axes.clear()
             draw(axes, frame, window)
@@ -215,10 +212,7 @@ def save_view(
 
     Parameters
     ----------
-    frames : a recording, or some of its frames
     path : of the picture; PNG, PDF or SVG by the suffix
-    shapes : true meshes whose edges are drawn
-    colour : what the colour of the cloud means
     scheme : `LIGHT` or `DARK`
 
     Returns
@@ -234,7 +228,7 @@ def save_view(
 
 def find_fullest_frame(frames: Sequence[Frame]) -> int:
     """Find the index of the frame with most returns among a dozen."""
-    return max(even_indices(len(frames), _LOOKED_AT), key=lambda k: int(on_target(frames[k]).sum()))
+    return max(even_indices(len(frames), _LOOKED_AT), key=lambda k: int(find_target_returns(frames[k]).sum()))
 
 
 def play(
@@ -244,9 +238,6 @@ def play(
 
     Parameters
     ----------
-    frames : a recording, or some of its frames
-    shapes : true meshes whose edges are drawn
-    colour : what the colour of the cloud means
     scheme : `LIGHT` or `DARK`
     """
     import matplotlib
@@ -303,10 +294,7 @@ def _cloud(frame: Frame, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     """Return the points (point, xyz) [m] in lidar axes, and their colours (point, rgb)."""
     valid = frame.valid
     if colour == "range":
-        low, high = range_limits_m(frame)
-        return frame.points_m[valid], colour_maps.apply_ramp(
-            (frame.range_m[valid] - low) / (high - low), colour_maps.RANGE_RAMP, palette.NO_RETURN
-        )
+        return frame.points_m[valid], Scale.of_frames(frame).range_rgb(frame.range_m[valid], 0.0)
     scale = Scale.of([Thumbnail.of(frame)])
     return frame.points_m[valid], colour_maps.apply_ramp(
         scale.intensity_fraction(frame.intensity_counts[valid]), colour_maps.INTENSITY_RAMP, palette.QUIET
@@ -323,7 +311,7 @@ def _bounds(frame: Frame, shapes: Sequence[Shape], edges_m: Sequence[np.ndarray]
     if edges_m:
         held = np.concatenate([lines.reshape(-1, 3) for lines in edges_m[: _of_one_target(shapes)]])
     else:
-        held = frame.points_m[on_target(frame)]
+        held = frame.points_m[find_target_returns(frame)]
         held = held if len(held) else frame.points_m[frame.valid]
     if not len(held):
         return np.array([0.0, 0.0, 1.0]), 1.0

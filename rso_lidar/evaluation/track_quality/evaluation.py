@@ -321,12 +321,7 @@ def _tabulate_hinges(rows: Sequence[_EvaluatedFrame], model: SampledMesh) -> dic
 
 
 def _compare_alignment(found: Alignment, true: RigidTransform, model: SampledMesh) -> np.ndarray:
-    """Return position and quaternion of lidar_from_body, the rms [m], and errors of position [m], turn and long axis [rad].
-
-    Parameters
-    ----------
-    true : lidar_from_body of the truth
-    """
+    """Return position and quaternion of lidar_from_body, rms [m], and errors of position [m], turn and long axis [rad]."""
     place, rotation = found.pose.translation, found.pose.rotation
     ours, theirs = rotation.apply(model.long_axis), true.rotation.apply(model.long_axis)
     axis_rad = np.arctan2(np.linalg.norm(np.cross(ours, theirs)), np.dot(ours, theirs))
@@ -340,7 +335,6 @@ def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.nd
 
     Parameters
     ----------
-    name, unit : start and end of the names
     values : (time, 3)
     """
     return {f"{name}_{axis}{unit}": column for axis, column in zip(Tracking.AXES, values.T, strict=True)}

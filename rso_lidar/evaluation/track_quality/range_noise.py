@@ -26,7 +26,6 @@ def estimate_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
     Parameters
     ----------
     lidar : the instrument that took them
-    frames : the recording
     """
     chosen = np.unique(np.linspace(0, len(frames) - 1, _FRAMES).round().astype(int)).tolist()
     readings = [frames[k].observation.reading for k in chosen]

@@ -34,13 +34,6 @@ def sample_target(scenario: Scenario, number: int = 0, *, hinged: bool = True) -
 
 
 def measure_hinges_rad(truth: Truth, target: str, hinges: tuple[MeshHinge, ...]) -> np.ndarray:
-    """Return the true angles (hinge) [rad] of a target's hinges, from -pi to pi.
-
-    Parameters
-    ----------
-    truth : of one frame
-    target : its name
-    hinges : of its mesh
-    """
+    """Return the true angles (hinge) [rad] of a target's hinges, from -pi to pi."""
     turns = [truth.pose(target, f"{target}.{hinge.name}").rotation.as_rotvec() @ hinge.direction for hinge in hinges]
     return np.array(turns, dtype=float)

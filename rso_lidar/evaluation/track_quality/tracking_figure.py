@@ -32,8 +32,6 @@ def tracking_figure(
     ----------
     table : columns (time) by name, as `study.tracking` makes them
     kinds : filters in the table, ``cv`` or ``cw``
-    target : name of the target
-    title, note : heading of the figure, and small print beside the target's name
     """
     time_s = table["time_s"]
     poses = "icp_error_rad" in table
@@ -164,7 +162,6 @@ def _draw_on_log(
     Parameters
     ----------
     table : columns (time) by name
-    lines : name of the column, label and colour of each line
     scale : factor to the unit of the axis
     """
     for name, word, colour in lines:

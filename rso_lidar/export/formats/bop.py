@@ -20,7 +20,7 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, warn
 from rso_lidar.export.layout.datasets import compute_lidar_poses
-from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_files import describe_frame, get_file_stem, write_new_file, write_source
 from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.records import Frame
@@ -29,8 +29,8 @@ from rso_lidar.units import MM
 SCENE = "000000"
 FOLDERS = ("depth", "gray", "mask", "mask_visib")
 TABLES = ("scene_camera", "scene_gt", "scene_gt_info")
-BOP_FULL = 2**16 - 1
-BOP_BEYOND, BOP_BEYOND_M = 1.01, 10.0  # margins of the depth scale beyond the farthest target: a factor, and metres
+_FULL = 2**16 - 1
+_BEYOND, _BEYOND_M = 1.01, 10.0  # margins of the depth scale beyond the farthest target: a factor, and metres
 MOST_OFF_PINHOLE_PIXELS = 0.05  # error of the camera matrix below which there is no warning
 
 
@@ -42,13 +42,11 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
 
     Parameters
     ----------
-    path : of the folder.
-    frames : written one at a time as they come.
-    overwrite : replace an older export once the new one is complete.
+    frames : written one at a time as they come
     """
-    place = check_folder(path, overwrite=overwrite)
+    place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
-    with draft_folder(place, overwrite=overwrite) as draft, ExitStack() as stack:
+    with draft_export_folder(place, overwrite=overwrite) as draft, ExitStack() as stack:
         write_source(draft, first.source, "bop")
         scene = draft / SCENE
         for name in FOLDERS:
@@ -103,14 +101,44 @@ def fit_pinhole(place: Path, line_of_sight: np.ndarray) -> tuple[np.ndarray, flo
     return camera, max(off)
 
 
-def choose_depth_scale(greatest_mm: float) -> float:
-    """Choose the depth_scale [mm per count]: the smallest of 0.1, 0.2, 0.5, 1, 2, 5, … that reaches a depth [mm].
+def choose_depth_scale(farthest_m: float) -> float:
+    """Choose the step of depth images of 16 bits, as fine as a farthest range and a margin of 1 % and 10 m permit.
 
-    >>> choose_depth_scale(3.0e6)
-    50.0
+    Parameters
+    ----------
+    farthest_m : greatest true range [m]
+
+    Returns
+    -------
+    float
+        One of 0.1, 0.2, 0.5, 1, 2, 5, … [mm per count].
+
+        >>> choose_depth_scale(3.0e3)
+        50.0
     """
+    greatest_mm = (_BEYOND * farthest_m + _BEYOND_M) / MM
     steps = (digit * 10.0**power for power in range(-1, 12) for digit in (1, 2, 5))
-    return next(round(step, 1) for step in steps if step * BOP_FULL >= greatest_mm)
+    return next(round(step, 1) for step in steps if step * _FULL >= greatest_mm)
+
+
+def quantize_depth(depth: np.ndarray, step: float) -> np.ndarray:
+    """Convert depths to the counts of a depth image.
+
+    Parameters
+    ----------
+    depth : (row, col), NaN for no return
+    step : depth of one count, in the unit of `depth`
+
+    Returns
+    -------
+    ndarray
+        (row, col) uint16, 0 where nothing returned or the depth is beyond the last count, at least 1 elsewhere.
+    """
+    valid = np.isfinite(depth)
+    counts = np.zeros(depth.shape)
+    counts[valid] = np.maximum(np.rint(depth[valid] / step), 1)
+    counts[counts > _FULL] = 0
+    return counts.astype(np.uint16)
 
 
 def _write_images(place: Path, scene: Path, frame: Frame) -> float:
@@ -118,24 +146,19 @@ def _write_images(place: Path, scene: Path, frame: Frame) -> float:
 
     Parameters
     ----------
-    place : of the output, for messages.
-    scene : folder of the scene.
-    frame : to be written; false triggers beyond the range of the scale are left out.
+    frame : to be written; false triggers beyond the range of the scale are left out
 
     Returns
     -------
     float
         depth_scale [mm per count], as fine as the true ranges of the targets permit.
     """
-    depth_mm = frame.points_m[..., 2] / MM
-    valid, on_target = frame.valid, frame.labels.target >= 0
-    known = frame.labels.range_m[on_target] if on_target.any() else frame.range_m[valid]
-    step = choose_depth_scale((BOP_BEYOND * float(known.max(initial=0.0)) + BOP_BEYOND_M) / MM)
-    counts = np.zeros(depth_mm.shape)
-    counts[valid] = np.maximum(np.rint(depth_mm[valid] / step), 1)  # 0 means no depth
-    counts[counts > BOP_FULL] = 0
+    depth_mm = np.where(frame.valid, frame.points_m[..., 2] / MM, np.nan)
+    on_target = frame.labels.target >= 0
+    known = frame.labels.range_m[on_target] if on_target.any() else frame.range_m[frame.valid]
+    step = choose_depth_scale(float(known.max(initial=0.0)))
     name = f"{get_file_stem(place, frame)}.png"
-    write_new_file(place, scene / "depth" / name, encode_png(counts.astype(np.uint16)))
+    write_new_file(place, scene / "depth" / name, encode_png(quantize_depth(depth_mm, step)))
     write_new_file(place, scene / "gray" / name, encode_png(frame.intensity_counts))
     return step
 
@@ -145,9 +168,8 @@ def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
 
     Parameters
     ----------
-    folder : of the output.
-    frame : the first one, for its numbers of rows and columns.
-    camera : (3, 3) matrix [pixels].
+    frame : the first one, for its numbers of rows and columns
+    camera : (3, 3) matrix [pixels]
     """
     rows, cols = frame.range_m.shape
     content = {
@@ -166,22 +188,14 @@ def _describe_camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> di
 
     Parameters
     ----------
-    frame : of the image.
-    camera : (3, 3) matrix [pixels].
-    depth_scale : [mm per count].
+    camera : (3, 3) matrix [pixels]
+    depth_scale : [mm per count]
     """
     return {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
 
 
 def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Write the masks of the targets of a frame, and describe their poses and visible areas.
-
-    Parameters
-    ----------
-    place : of the output, for messages.
-    scene : folder of the scene.
-    frame : to be described.
-    """
+    """Write the masks of the targets of a frame, and describe their poses and visible areas."""
     poses, infos = [], []
     seen = compute_lidar_poses(frame.truth.poses)
     here = [(number, target.name) for number, target in enumerate(frame.source.targets) if target.name in seen]
@@ -222,7 +236,17 @@ def _find_box(mask: np.ndarray) -> list[int]:
 
 
 def encode_png(image: np.ndarray) -> bytes:
-    """Encode an image of 8 or 16 bits as a grey PNG."""
+    """Encode an image as a grey PNG.
+
+    Parameters
+    ----------
+    image : (row, col) uint8 or uint16
+
+    Returns
+    -------
+    bytes
+        The content of the file.
+    """
     from PIL import Image
 
     stream = io.BytesIO()
@@ -244,7 +268,6 @@ def _write_entry(stream: TextIO, key: str, value: Any) -> None:
 
     Parameters
     ----------
-    stream : with what was written so far.
-    key, value : of the entry.
+    stream : with what was written so far
     """
     stream.write(f"{',' if stream.tell() > 1 else ''}\n{json.dumps(key)}: {json.dumps(value)}")

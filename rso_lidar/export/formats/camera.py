@@ -33,7 +33,17 @@ class Camera:
 
 
 def fit_camera(line_of_sight: np.ndarray) -> Camera:
-    """Fit a camera with square pixels to unit vectors (row, col, xyz), without distortion if that suffices."""
+    """Fit a camera with square pixels to lines of sight, without distortion if that suffices.
+
+    Parameters
+    ----------
+    line_of_sight : (row, col, xyz) unit vectors of the pixels in lidar axes
+
+    Returns
+    -------
+    Camera
+        Focal length, centre and distortion in the convention of OpenCV [pixels], with the greatest error.
+    """
     n_rows, n_cols = line_of_sight.shape[:2]
     centre = 0.5 * (n_cols - 1), 0.5 * (n_rows - 1)
     if n_rows * n_cols < 2:

@@ -64,8 +64,8 @@ class RosStream:
 
     Parameters
     ----------
-    first : first frame.
-    place : name of the output, for messages.
+    first : first frame
+    place : name of the output, for messages
     """
 
     def __init__(self, first: Frame, place: str | os.PathLike[str] = "ROS") -> None:
@@ -114,9 +114,7 @@ def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
 
     Parameters
     ----------
-    path : of the file.
-    frames : written one at a time as they come.
-    overwrite : replace an older file.
+    frames : written one at a time as they come
     """
     place = check_writable(path, overwrite=overwrite)
     check_mcap(place)
@@ -137,15 +135,7 @@ def check_mcap(place: Path) -> None:
 
 
 def write_messages(place: Path, draft: Path, first: Frame, frames: Iterable[Frame]) -> MessageSpan:
-    """Write the messages of all frames to a file.
-
-    Parameters
-    ----------
-    place : final name of the output, for messages.
-    draft : file to write.
-    first : first frame.
-    frames : all frames, the first included.
-    """
+    """Write the messages of all frames to a file."""
     from mcap_ros2.writer import Writer
 
     stream = RosStream(first, place)
@@ -174,14 +164,7 @@ def write_messages(place: Path, draft: Path, first: Frame, frames: Iterable[Fram
 
 
 def _check_file(place: Path, draft: Path, messages: int) -> None:
-    """Raise a `RunError` unless the summary at the end of the file counts the expected messages.
-
-    Parameters
-    ----------
-    place : of the output, for messages.
-    draft : the file.
-    messages : expected number.
-    """
+    """Raise a `RunError` unless the summary at the end of the file counts the expected messages."""
     from mcap.exceptions import McapError
     from mcap.reader import make_reader
 
@@ -214,10 +197,9 @@ def _messages(frame: Frame, at_ns: int, camera: Camera, mounts: Sequence[dict[st
 
     Parameters
     ----------
-    frame : to be written.
-    at_ns : its stamp [ns since 1970].
-    camera : fitted to its lines of sight.
-    mounts : poses of sensors in the follower's axes.
+    frame : to be written
+    at_ns : its stamp [ns since 1970]
+    mounts : poses of sensors in the follower's axes
     """
     rows, cols = frame.range_m.shape
     stamp = to_ros_time(at_ns)
@@ -263,9 +245,7 @@ def _image(size: dict[str, Any], encoding: str, values: np.ndarray) -> dict[str,
 
     Parameters
     ----------
-    size : its header, height and width.
-    encoding : name of the encoding in ROS.
-    values : (row, col).
+    values : (row, col)
     """
     step = values.itemsize * values.shape[1]
     return {**size, "encoding": encoding, "is_bigendian": 0, "step": step, "data": values.tobytes()}

@@ -35,10 +35,7 @@ def write_npz(
 
     Parameters
     ----------
-    path : of the file.
-    frames : few enough for memory.
-    overwrite : replace an older file.
-    most_bytes : greatest size of all arrays before compression [bytes].
+    most_bytes : greatest size of all arrays before compression [bytes]
     """
     place = check_writable(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -78,14 +75,7 @@ def write_npz(
 
 
 def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
-    """Raise a `RunError` unless all arrays are in the file with correct CRC-32.
-
-    Parameters
-    ----------
-    place : of the output, for messages.
-    draft : the file.
-    names : expected arrays.
-    """
+    """Raise a `RunError` unless all arrays are in the file with correct CRC-32."""
     try:
         with zipfile.ZipFile(draft) as packed:
             wrong = packed.testzip() or ", ".join({f"{name}.npy" for name in names} ^ set(packed.namelist()))
@@ -101,9 +91,7 @@ def _describe_arrays(first: Frame, found: dict[str, Variable], *, changing: bool
 
     Parameters
     ----------
-    first : the first frame.
-    found : variables by name.
-    changing : whether the lens changes.
+    changing : whether the lens changes
     """
     source = first.source
     root = (

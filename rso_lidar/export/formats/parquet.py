@@ -13,7 +13,17 @@ from rso_lidar.files import write_atomically
 
 
 def check_parquet(place: Path) -> None:
-    """Raise a `RecordingError` where the library that writes Parquet is not installed."""
+    """Check that the library that writes Parquet is installed, before work begins.
+
+    Parameters
+    ----------
+    place : of the output, for messages
+
+    Raises
+    ------
+    RecordingError
+        If the extra ``parquet`` is not installed.
+    """
     try:
         import pyarrow.parquet  # noqa: F401
     except ImportError:
@@ -23,13 +33,23 @@ def check_parquet(place: Path) -> None:
 
 
 def write_parquet(place: Path, table: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> Path:
-    """Write a Parquet file, completely or not at all, and return its path.
+    """Write a Parquet file, completely or not at all.
 
     Parameters
     ----------
-    place : of the file.
-    table : columns by name.
-    metadata : texts by name.
+    place : of the file
+    table : (row) columns by name
+    metadata : texts by name
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    RecordingError
+        If the extra ``parquet`` is not installed, or the file cannot be written.
     """
     check_parquet(place)
     import pyarrow

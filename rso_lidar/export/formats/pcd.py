@@ -32,12 +32,11 @@ def write_pcd(
 
     Parameters
     ----------
-    path : of the folder; the files are 000000.pcd and so on, by the number of the frame.
-    frames : written one at a time as they come.
-    overwrite : replace an older export.
+    path : of the folder; the files are 000000.pcd and so on, by the number of the frame
+    frames : written one at a time as they come
     viewpoint : axes in which VIEWPOINT gives the lidar's pose [m]. ``lidar`` gives the identity. A target's name makes
-        viewers that apply it show all clouds in that target's axes. Viewers hold it in float32.
-    labels : write the labels `target` and `part` too (int16, -1 for sky).
+        viewers that apply it show all clouds in that target's axes. Viewers hold it in float32
+    labels : write the labels `target` and `part` too (int16, -1 for sky)
     """
     return write_frame_files(
         path, frames, "pcd", lambda frame: encode_pcd(frame, viewpoint, labels=labels), overwrite=overwrite
@@ -49,9 +48,8 @@ def encode_pcd(frame: Frame, viewpoint: str = "lidar", *, labels: bool = True) -
 
     Parameters
     ----------
-    frame : to be encoded.
-    viewpoint : axes in which VIEWPOINT gives the lidar's pose.
-    labels : add the labels `target` and `part`.
+    viewpoint : axes in which VIEWPOINT gives the lidar's pose
+    labels : add the labels `target` and `part`
     """
     rows, cols = frame.range_m.shape
     points = np.zeros((rows, cols), dtype=_POINT + _LABELS * labels)

@@ -23,10 +23,9 @@ def write_ply(
 
     Parameters
     ----------
-    path : of the folder; the files are 000000.ply and so on, by the number of the frame.
-    frames : written one at a time as they come.
-    overwrite : replace an older export.
-    labels : write the labels `target` and `part` too (short, -1 for sky).
+    path : of the folder; the files are 000000.ply and so on, by the number of the frame
+    frames : written one at a time as they come
+    labels : write the labels `target` and `part` too (short, -1 for sky)
     """
     return write_frame_files(path, frames, "ply", lambda frame: encode_ply(frame, labels=labels), overwrite=overwrite)
 

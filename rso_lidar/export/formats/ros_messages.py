@@ -80,10 +80,5 @@ DEFINITIONS = {
 
 
 def define_message(fields: str) -> str:
-    """Return the definition of a message of our own that has a header.
-
-    Parameters
-    ----------
-    fields : a line each, the header's included.
-    """
+    """Return the definition of a message of our own that has a header."""
     return _text(fields, *_HEADER)

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from rso_lidar.export.formats.mcap import MessageSpan, check_mcap, write_messages
-from rso_lidar.export.writer.folders import MARK, check_folder, draft_folder
+from rso_lidar.export.writer.folders import MARK, check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.records import Frame
 
@@ -23,15 +23,13 @@ def write_rosbag2(path: str | os.PathLike[str], frames: Iterable[Frame], *, over
 
     Parameters
     ----------
-    path : of the folder.
-    frames : written one at a time as they come.
-    overwrite : replace an older export once the new one is complete.
+    frames : written one at a time as they come
     """
-    place = check_folder(path, overwrite=overwrite)
+    place = check_export_folder(path, overwrite=overwrite)
     check_mcap(place)
     first, coming = take_first(place, frames)
     name = f"{place.stem}_0.mcap"
-    with draft_folder(place, overwrite=overwrite) as draft:
+    with draft_export_folder(place, overwrite=overwrite) as draft:
         written = write_messages(place, draft / name, first, coming)
         version = first.source.versions.get("rso_lidar", "")
         (draft / METADATA).write_text(f"# {MARK}: {version}\n{_format_metadata(name, written)}", encoding="utf-8")

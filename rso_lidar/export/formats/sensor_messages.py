@@ -58,10 +58,6 @@ class SensorTopic:
 def list_topics(first: Frame) -> list[SensorTopic]:
     """List the topics of the sensors of a recording, in order.
 
-    Parameters
-    ----------
-    first : its first frame.
-
     Raises
     ------
     RecordingError
@@ -94,10 +90,7 @@ def _find_accelerometer(
 
     Parameters
     ----------
-    gyro : name of the gyro.
-    sensors : samples of all sensors, by name.
-    tables : of the scenario, by name of the sensor.
-    taken : accelerometers that have a gyro already.
+    taken : accelerometers that have a gyro already
     """
     for name, samples in sensors.items():
         if isinstance(samples, AccelerometerSamples) and name not in taken and {name, gyro} <= tables.keys():
@@ -110,15 +103,7 @@ def _find_accelerometer(
 def _make_topics(
     name: str, samples: SensorSamples, partner: str | None, table: Mapping[str, Any]
 ) -> Iterator[SensorTopic]:
-    """Yield the topics of a sensor.
-
-    Parameters
-    ----------
-    name : of the sensor.
-    samples : of any frame.
-    partner : accelerometer whose samples are in the same messages as those of this gyro.
-    table : of the scenario.
-    """
+    """Yield the topics of a sensor."""
     base, axes = f"/sensors/{_to_word(name)}", name_axes(name)
     match samples:
         case GyroSamples() | AccelerometerSamples():
@@ -146,13 +131,7 @@ def name_axes(name: str) -> str:
 
 
 def make_mounts(topics: Sequence[SensorTopic], source: Source) -> list[dict[str, Any]]:
-    """Return the pose of each inertial sensor in the follower's axes, as transforms without a stamp.
-
-    Parameters
-    ----------
-    topics : of the recording.
-    source : of its frames.
-    """
+    """Return the pose of each inertial sensor in the follower's axes, as transforms without a stamp."""
     tables, made = _read_tables(source), []
     for one in topics:
         table = tables.get(one.sensors[0])
@@ -169,11 +148,6 @@ def list_samples(
     topics: Sequence[SensorTopic], sensors: Mapping[str, SensorSamples]
 ) -> list[tuple[float, float, SensorTopic, dict[str, Any]]]:
     """List the messages of samples in the order in which they become available.
-
-    Parameters
-    ----------
-    topics : of the recording.
-    sensors : their samples, by name.
 
     Returns
     -------
@@ -208,13 +182,7 @@ def _make_imu(samples: Sequence[SensorSamples], k: int) -> dict[str, Any] | None
 
 
 def _vector_maker(name: str, field: str) -> Body:
-    """Return a function that makes messages of one vector or quaternion.
-
-    Parameters
-    ----------
-    name : of the field of the message.
-    field : of the record.
-    """
+    """Return a function that makes messages of one vector or quaternion."""
 
     def make(samples: Sequence[SensorSamples], k: int) -> dict[str, Any] | None:
         return {name: _xyz(getattr(samples[0], field)[k])} if samples[0].valid[k] else None

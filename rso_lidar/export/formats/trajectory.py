@@ -42,11 +42,9 @@ def write_tum(
 
     Parameters
     ----------
-    path : of the file.
-    frames : from `simulate` or `open`.
-    target : name of the target or of any axes; optional if there is one target.
-    lidar_in_target : write the lidar's poses in the target's axes instead.
-    overwrite : replace an older file.
+    frames : from `simulate` or `open`
+    target : name of the target or of any axes; optional if there is one target
+    lidar_in_target : write the lidar's poses in the target's axes instead
     """
     with _open_text(path, frames, overwrite) as (file, source, courses):
         name, a, b = _resolve_axes(source, target, lidar_in_target)
@@ -75,11 +73,9 @@ def write_kitti(
 
     Parameters
     ----------
-    path : of the file.
-    frames : from `simulate` or `open`.
-    target : name of the target or of any axes; optional if there is one target.
-    lidar_in_target : write the lidar's poses in the target's axes instead.
-    overwrite : replace an older file.
+    frames : from `simulate` or `open`
+    target : name of the target or of any axes; optional if there is one target
+    lidar_in_target : write the lidar's poses in the target's axes instead
     """
     with _open_text(path, frames, overwrite) as (file, source, courses):
         name, a, b = _resolve_axes(source, target, lidar_in_target)
@@ -102,11 +98,9 @@ def write_csv(
 
     Parameters
     ----------
-    path : of the file.
-    frames : from `simulate` or `open`.
-    sensor : name of a sensor whose samples are written instead, one row per sample.
-    utc : formats times [s since start_utc] as UTC text; without it, a leap second during the run is not counted.
-    overwrite : replace an older file.
+    frames : from `simulate` or `open`
+    sensor : name of a sensor whose samples are written instead, one row per sample
+    utc : formats times [s since start_utc] as UTC text; without it, a leap second during the run is not counted
     """
     place = check_writable(path, overwrite=overwrite)
     source, frames = peek_source(place, frames)
@@ -133,7 +127,7 @@ def write_table(
 
     Parameters
     ----------
-    path, frames, sensor, utc, overwrite : as for `write_csv`.
+    path, frames, sensor, utc, overwrite : as for `write_csv`
     """
     place = check_writable(path, overwrite=overwrite)
     check_parquet(place)
@@ -151,10 +145,9 @@ def _tabulate(
 
     Parameters
     ----------
-    place : of the output, for messages.
-    frames, source : what is written, and its source.
-    sensor : name of the sensor (None: the truth).
-    utc : formats times as text (None: without leap seconds).
+    frames, source : what is written, and its source
+    sensor : name of the sensor (None: the truth)
+    utc : formats times as text (None: without leap seconds)
     """
     format_utc = utc or partial(_format_utc, source.start_utc)
     if sensor is not None:
@@ -174,6 +167,18 @@ def _tabulate(
 def to_stamp_ns(start_utc: str, time_s: float) -> int:
     """Return a time as nanoseconds since 1970 in POSIX time, which counts no leap seconds.
 
+    Parameters
+    ----------
+    start_utc : start of the run, ISO 8601 with an offset
+    time_s : since the start [s]
+
+    Raises
+    ------
+    RecordingError
+        If `start_utc` has no offset.
+
+    Examples
+    --------
     >>> to_stamp_ns("2024-09-17T12:00:00Z", 0.05)
     1726574400050000000
     """
@@ -196,9 +201,7 @@ def _open_text(
 
     Parameters
     ----------
-    path : of the output.
-    frames : consumed in batches.
-    overwrite : whether an existing file may be replaced.
+    overwrite : whether an existing file may be replaced
     """
     place = check_writable(path, overwrite=overwrite)
     source, frames = peek_source(place, frames)
@@ -218,9 +221,8 @@ def _resolve_axes(source: Source, target: str | None, lidar_in_target: bool) -> 
 
     Parameters
     ----------
-    source : of the frames, with the names of the targets.
-    target : name given by the user; None for the only target.
-    lidar_in_target : whether to write target_from_lidar instead of lidar_from_target.
+    target : name given by the user; None for the only target
+    lidar_in_target : whether to write target_from_lidar instead of lidar_from_target
     """
     known = [entry.name for entry in source.targets]
     if target is None:
@@ -236,9 +238,7 @@ def _compute_poses(truth: Truth, name: str, a: str, b: str) -> tuple[np.ndarray,
 
     Parameters
     ----------
-    truth : a batch of epochs.
-    name : given by the user, for the message.
-    a, b : names of the axes.
+    a, b : names of the axes
     """
     known = list(truth.poses)
     if name not in known:

@@ -20,13 +20,24 @@ _JOINED = 128  # frames kept, where they come one by one
 
 
 def peek_source(path: Path, frames: Iterable[Frame]) -> tuple[Source, Iterable[Frame]]:
-    """Return the source of frames, and the frames; raise a `RecordingError` if there are none."""
+    """Return the source of frames, and the frames; of an iterator, the first frame is read.
+
+    Parameters
+    ----------
+    path : of the output, for messages
+    frames : a recording, frames of one, or frames as they come
+
+    Raises
+    ------
+    RecordingError
+        If there are no frames.
+    """
     first, coming = take_first(path, frames)
     return first.source, frames if isinstance(frames, Recording | Frames) else coming
 
 
 def read_truth_batches(frames: Iterable[Frame]) -> Iterator[TruthBatch]:
-    """Yield the truth in batches; of a recording, no image is read."""
+    """Yield the truth and the PTU angles in batches; of a recording, no image is read."""
     if isinstance(frames, Recording | Frames):
         recording, places = (frames, range(len(frames))) if isinstance(frames, Recording) else _get_places(frames)
         for low in range(0, len(places), _READ):
@@ -106,18 +117,42 @@ def _stack_truths(truths: list[Truth]) -> TruthBatch:
     return truth, tuple(truth.pointing for truth in truths if truth.pointing is not None)
 
 
-def join_batches(batches: Iterable[TruthBatch], choose: Callable[[int], np.ndarray] | None = None) -> TruthBatch:
-    """Join batches into one.
+def read_truth(frames: Iterable[Frame], choose: Callable[[int], np.ndarray] | None = None) -> Truth:
+    """Read the truth of frames into one batch; of a recording, no image is read.
 
     Parameters
     ----------
-    batches : truth of one or more epochs each.
-    choose : returns, for a number of epochs, the indices of those to keep; without it all are kept. PTU angles are kept for
-        all epochs.
+    frames : a recording, frames of one, or frames as they come; at least one
+    choose : takes the number of frames, and returns the indices (frame) of those to keep (None: all are kept)
+
+    Returns
+    -------
+    Truth
+        Batched over the frames kept, without the angles of a PTU.
     """
-    several = list(batches)
-    if len(several) == 1 and choose is None:
-        return several[0]
-    truths = [truth.at(k) for truth, _ in several for k in range(truth.time_s.size)]
-    truth, _ = _stack_truths(truths if choose is None else [truths[k] for k in choose(len(truths)).tolist()])
-    return truth, tuple(angle for _, angles in several for angle in angles)
+    truths = [truth for truth, _ in read_truth_batches(frames)]
+    truth = truths[0]
+
+    def join(arrays: Iterable[np.ndarray]) -> np.ndarray:
+        joined = np.concatenate(list(arrays))
+        return joined if choose is None else joined[choose(len(joined))]
+
+    def link(name: str) -> Link:
+        links = [truth.poses[name] for truth in truths]
+        where = join(link.translation_m for link in links), join(link.matrix for link in links)
+        return Link(
+            where, join(link.velocity_m_s for link in links), join(link.angular_velocity_rad_s for link in links)
+        )
+
+    def state(name: str) -> BodyState:
+        states = [truth.states[name] for truth in truths]
+        return BodyState(join(state.position_m for state in states), join(state.velocity_m_s for state in states))
+
+    return Truth(
+        join(truth.time_s for truth in truths),
+        PoseTree({name: truth.poses.parent(name) for name in truth.poses}, {name: link(name) for name in truth.poses}),
+        {name: state(name) for name in truth.states},
+        join(truth.sun_direction for truth in truths),
+        None,
+        {name: join(truth.sunlit[name] for truth in truths) for name in truth.sunlit},
+    )

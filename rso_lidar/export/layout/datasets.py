@@ -17,7 +17,7 @@ import numpy as np
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.layout import intermediates, sensor_samples
 from rso_lidar.pose import ROOT, PoseTree
-from rso_lidar.records import ArraySpec, BodyState, Frame, Labels, PtuAngles, Reading, specs
+from rso_lidar.records import ArraySpec, BodyState, Frame, Labels, PtuAngles, Reading, Truth, specs
 
 # In the file: in the record.
 READING = {"range": "range_m", "intensity": "intensity_counts", "saturated": "saturated"}
@@ -119,8 +119,7 @@ def list_variables(frame: Frame, capacities: sensor_samples.Capacities | None = 
 
     Parameters
     ----------
-    frame : any frame of the recording.
-    capacities : samples of each sensor for which an entry has room (None: as the frame needs).
+    capacities : samples of each sensor for which an entry has room (None: as the frame needs)
     """
     room = sensor_samples.grow_capacities(frame.observation.sensors, capacities or {})
     found = _list_required(frame) | list_optional(frame)
@@ -209,8 +208,6 @@ def split_unit(name: str) -> tuple[str, str]:
 
 def collect_values(frame: Frame) -> dict[str, Any]:
     """Collect the values that a frame puts into each dataset, by path, /time last."""
-    from scipy.spatial.transform import Rotation
-
     observation, truth = frame.observation, frame.truth
     found: dict[str, Any] = {
         path: value
@@ -223,24 +220,48 @@ def collect_values(frame: Frame) -> dict[str, Any]:
     found |= {f"settings/{name}": value for name, value in observation.settings.items()}
     if truth.pointing is not None:
         found |= {path: getattr(truth.pointing, name)[place] for path, name, place in POINTING}
-    found["truth/sun_direction"] = truth.sun_direction
+    found |= {path: value for path, (_, value) in collect_truth(truth).items()}
+    found |= {f"truth/{name}/sunlit": share for name, share in truth.sunlit.items()}
+    found["frame_index"] = frame.index
+    found["time"] = frame.time_s
+    return found
+
+
+def collect_truth(truth: Truth) -> dict[str, tuple[ArraySpec, np.ndarray]]:
+    """Collect the direction to the Sun, the axes and the bodies of a truth, as a recording holds them.
+
+    Parameters
+    ----------
+    truth : at one epoch, with axes named ``lidar``
+
+    Returns
+    -------
+    dict
+        Statement (unit, meaning, dims) and value of each dataset, by its path, such as ``truth/tdrs/position``.
+
+    Raises
+    ------
+    RecordingError
+        If there are no axes named ``lidar``.
+    """
+    from scipy.spatial.transform import Rotation
+
+    found = {"truth/sun_direction": (SUN, truth.sun_direction)}
     seen = compute_lidar_poses(truth.poses)
     rotations = [truth.poses[name].matrix for name in seen]
     rotations += [matrix[:3, :3] for matrix in seen.values()]
     quaternions = Rotation.from_matrix(np.array(rotations), assume_valid=True).as_quat(canonical=True)
     for place, (name, matrix) in enumerate(seen.items()):
         link = truth.poses[name]
-        found[f"truth/{name}/parent_position"] = link.translation_m
-        found[f"truth/{name}/parent_quaternion"] = quaternions[place]
-        found[f"truth/{name}/velocity"] = link.velocity_m_s
-        found[f"truth/{name}/angular_velocity"] = link.angular_velocity_rad_s
-        found[f"truth/{name}/position"] = matrix[:3, 3]
-        found[f"truth/{name}/quaternion"] = quaternions[len(seen) + place]
+        from_parent = (link.translation_m, quaternions[place], link.velocity_m_s, link.angular_velocity_rad_s)
+        values = (*from_parent, matrix[:3, 3], quaternions[len(seen) + place])
+        found |= {
+            f"truth/{name}/{path}": (spec, value) for (path, spec), value in zip(NODE.items(), values, strict=True)
+        }
     for name, state in truth.states.items():
-        found |= {f"truth/{name}/{path}": getattr(state, field) for path, field in INERTIAL.items()}
-    found |= {f"truth/{name}/sunlit": share for name, share in truth.sunlit.items()}
-    found["frame_index"] = frame.index
-    found["time"] = frame.time_s
+        found |= {
+            f"truth/{name}/{path}": (specs(BodyState)[field], getattr(state, field)) for path, field in INERTIAL.items()
+        }
     return found
 
 

@@ -58,7 +58,7 @@ def check_kept(names: Iterable[str]) -> None:
 
     Parameters
     ----------
-    names : such as "waveforms", the values of `keep`.
+    names : such as "waveforms", the values of `keep`
 
     Raises
     ------
@@ -114,9 +114,7 @@ def restore_record(group: str, entries: Mapping[str, np.ndarray], constants: Map
 
     Parameters
     ----------
-    group : name of the record.
-    entries : arrays of one frame, by name in the record.
-    constants : numbers that hold for all frames, by name.
+    constants : numbers that hold for all frames, by name
     """
     if group != "waveforms":
         return RECORDS[group](**entries)

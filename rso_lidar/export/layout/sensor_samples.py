@@ -41,10 +41,6 @@ def get_sensor(path: str) -> str:
 def list_arrays(sensors: Mapping[str, SensorSamples]) -> dict[str, ArraySpec]:
     """List the arrays that a recording makes of samples, by path.
 
-    Parameters
-    ----------
-    sensors : samples by name of the sensor.
-
     Raises
     ------
     RecordingError
@@ -65,13 +61,7 @@ def list_arrays(sensors: Mapping[str, SensorSamples]) -> dict[str, ArraySpec]:
 
 
 def _check_fields(name: str, kind: type[SensorSamples]) -> Mapping[str, ArraySpec]:
-    """Return the statements of a class of samples; raise a `RecordingError` where a field cannot be recorded.
-
-    Parameters
-    ----------
-    name : of the sensor, for the message.
-    kind : class of its samples.
-    """
+    """Return the statements of a class of samples; raise a `RecordingError` where a field cannot be recorded."""
     stated = specs(kind)
     for field in dataclasses.fields(kind):
         place = f"sensor '{name}': {kind.__name__}.{field.name}"
@@ -103,11 +93,6 @@ def grow_capacities(sensors: Mapping[str, SensorSamples], capacities: Capacities
     """Return the capacities that samples need: those given, or one more than there are samples.
 
     The numbers of samples of complete intervals differ by one at most.
-
-    Parameters
-    ----------
-    sensors : samples of a frame, by name of the sensor.
-    capacities : so far.
     """
     found = {}
     for name, samples in sensors.items():
@@ -121,9 +106,8 @@ def pad(values: np.ndarray, room: int, fill: float | int | None) -> np.ndarray:
 
     Parameters
     ----------
-    values : (sample, …).
-    room : length of the entry.
-    fill : value behind the last sample (None: 0).
+    values : (sample, …)
+    fill : value behind the last sample (None: 0)
     """
     padded = np.full((room, *values.shape[1:]), 0 if fill is None else fill, values.dtype)
     padded[: len(values)] = values
@@ -131,12 +115,7 @@ def pad(values: np.ndarray, room: int, fill: float | int | None) -> np.ndarray:
 
 
 def describe_sensors(sensors: Mapping[str, SensorSamples]) -> dict[str, Any]:
-    """Return what a recording states of each sensor, ready for JSON: its record, and all fields of it.
-
-    Parameters
-    ----------
-    sensors : samples of any frame, by name of the sensor.
-    """
+    """Return what a recording states of each sensor, ready for JSON: its record, and all fields of it."""
     found = {}
     for name, samples in sensors.items():
         fields = {
@@ -164,8 +143,7 @@ def make_samples(described: Mapping[str, Any], entries: Mapping[str, np.ndarray]
 
     Parameters
     ----------
-    described : what the recording states of the sensor.
-    entries : arrays (sample, …) by name of the field; fields without entries are made.
+    entries : arrays (sample, …) by name of the field; fields without entries are made
     """
     fields = described["fields"]
     stated = {field: _read_spec(one) for field, one in fields.items()}
@@ -191,8 +169,7 @@ def _find_class(name: str, stated: Mapping[str, ArraySpec]) -> type[SensorSample
 
     Parameters
     ----------
-    name : of the class.
-    stated : recorded fields; optional ones may be missing.
+    stated : recorded fields; optional ones may be missing
     """
     waiting: list[type[SensorSamples]] = [SensorSamples]
     while waiting:
@@ -213,13 +190,7 @@ def _is_made(kind: type[SensorSamples]) -> bool:
 
 @lru_cache(maxsize=256)
 def _make_class(name: str, about: str, stated: tuple[tuple[str, ArraySpec], ...]) -> type[SensorSamples]:
-    """Make a class of samples from recorded statements.
-
-    Parameters
-    ----------
-    name, about : of the class.
-    stated : all its fields.
-    """
+    """Make a class of samples from recorded statements."""
     own = [
         (field, np.ndarray, array(" ".join(spec.dims), spec.dtype.str, spec.unit, spec.meaning))
         for field, spec in stated

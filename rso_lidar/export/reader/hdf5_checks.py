@@ -36,8 +36,8 @@ class CheckedStream(io.RawIOBase):
 
     Parameters
     ----------
-    path : of the file.
-    as_closed : show the file as if no writer had it open.
+    path : of the file
+    as_closed : show the file as if no writer had it open
     """
 
     def __init__(self, path: Path, *, as_closed: bool = False) -> None:
@@ -117,8 +117,8 @@ def open_checked(path: Path, *, cache_bytes: int = CACHE_BYTES) -> Any:
 
     Parameters
     ----------
-    path : of the file.
-    cache_bytes : of chunks that libhdf5 keeps for each dataset [bytes].
+    path : of the file
+    cache_bytes : of chunks that libhdf5 keeps for each dataset [bytes], at most 1 MiB
 
     Returns
     -------
@@ -128,7 +128,7 @@ def open_checked(path: Path, *, cache_bytes: int = CACHE_BYTES) -> Any:
     import h5py
 
     check_heaps(path)
-    return h5py.File(path, "r", locking="best-effort", rdcc_nbytes=cache_bytes)
+    return h5py.File(path, "r", locking="best-effort", rdcc_nbytes=min(cache_bytes, CACHE_BYTES))
 
 
 def check_heaps(path: Path, *, is_growing: bool = False) -> None:
@@ -138,8 +138,7 @@ def check_heaps(path: Path, *, is_growing: bool = False) -> None:
 
     Parameters
     ----------
-    path : of the file.
-    is_growing : whether a writer may be extending it. Metadata that it is replacing are read again.
+    is_growing : whether a writer may be extending it. Metadata that it is replacing are read again
     """
     status = path.stat()
     stamp = status.st_mtime_ns, status.st_size, status.st_ino
@@ -159,9 +158,7 @@ def _walk_heaps(path: Path, _stamp: tuple[int, int, int], as_closed: bool) -> No
 
     Parameters
     ----------
-    path : of the file.
-    _stamp : (time of its last change [ns], size [bytes], inode), the key of the cache.
-    as_closed : open it also while a writer has it open.
+    _stamp : (time of its last change [ns], size [bytes], inode), the key of the cache
     """
     import h5py
 
@@ -176,7 +173,7 @@ def _read_texts(place: Any) -> None:
 
     Parameters
     ----------
-    place : identifier of the object, of h5py.
+    place : identifier of the object, of h5py
     """
     import h5py
 
@@ -185,7 +182,7 @@ def _read_texts(place: Any) -> None:
         if _is_variable(attribute.get_type()):
             attribute.read(np.empty(attribute.shape, attribute.dtype))
     if isinstance(place, h5py.h5d.DatasetID) and _is_variable(place.get_type()):
-        check_size(h5py.Dataset(place))
+        check_declared_size(h5py.Dataset(place))
         h5py.Dataset(place)[()]
 
 
@@ -199,14 +196,14 @@ def _is_variable(kind: Any) -> bool:
     )
 
 
-def check_size(dataset: Any) -> None:
+def check_declared_size(dataset: Any) -> None:
     """Check that a dataset is not much larger than its file, before memory is taken for it.
 
     A dataset without stored data is read as fill values: a file of 1 kB can declare terabytes of them.
 
     Parameters
     ----------
-    dataset : of h5py.
+    dataset : of h5py
 
     Raises
     ------

@@ -26,8 +26,7 @@ def open_hdf5(path: Path, *, swmr: bool) -> Any:
 
     Parameters
     ----------
-    path : of the file.
-    swmr : whether a writer may be extending it.
+    swmr : whether a writer may be extending it
 
     Raises
     ------

@@ -19,7 +19,7 @@ def check_self_contained(path: Path) -> None:
 
     Parameters
     ----------
-    path : of the recording; it may still be written.
+    path : of the recording; it may still be written
 
     Raises
     ------
@@ -56,8 +56,7 @@ def _find_other_file(group: Any, name: str) -> str:
 
     Parameters
     ----------
-    group : of h5py.
-    name : of the object in it.
+    group : of h5py
     """
     link = group.get(name, getlink=True)
     if hasattr(link, "filename"):

@@ -51,7 +51,7 @@ class Recording(RecordingFile, Sequence[Frame]):
 
         Parameters
         ----------
-        path : of an HDF5 file or a Zarr store.
+        path : of an HDF5 file or a Zarr store
         """
         super().__init__(path)
         self._rows: dict[str, tuple[int, np.ndarray]] = {}
@@ -161,7 +161,7 @@ class Recording(RecordingFile, Sequence[Frame]):
 
         Parameters
         ----------
-        path : such as ``truth/tdrs/position``.
+        path : such as ``truth/tdrs/position``
         """
         return StoredArray(self, path)
 
@@ -170,7 +170,7 @@ class Recording(RecordingFile, Sequence[Frame]):
 
         Parameters
         ----------
-        k : index of the frame, from 0.
+        k : index of the frame, from 0
         """
         rows = {path: self._row(path, k) for path in self.paths if path.startswith(f"{GROUP}/")} if self.sensors else {}
         return {name: self.sensors.select(name, rows) for name in self.sensors}
@@ -265,8 +265,8 @@ class Frames(Sequence[Frame]):
 
         Parameters
         ----------
-        recording : to read from.
-        places : their indices.
+        recording : to read from
+        places : their indices
         """
         self.recording, self.places = recording, places
 

@@ -17,7 +17,7 @@ from rso_lidar.export.layout import intermediates
 from rso_lidar.export.layout.checksum import compute_texts_crc32
 from rso_lidar.export.layout.datasets import INERTIAL, LABELS, NODE, POINTING, READING
 from rso_lidar.export.layout.target_table import read_targets
-from rso_lidar.export.reader.hdf5_checks import check_size
+from rso_lidar.export.reader.hdf5_checks import check_declared_size
 from rso_lidar.export.reader.hdf5_file import TEMPORARY, open_hdf5
 from rso_lidar.export.reader.zarr_file import SUFFIX, open_zarr
 from rso_lidar.records import SCHEMA_VERSION, Source
@@ -37,7 +37,7 @@ class RecordingFile:
 
         Parameters
         ----------
-        path : of an HDF5 file or a Zarr store.
+        path : of an HDF5 file or a Zarr store
 
         Raises
         ------
@@ -77,7 +77,7 @@ class RecordingFile:
 
         Parameters
         ----------
-        k : any integer.
+        k : any integer
 
         Raises
         ------
@@ -104,7 +104,7 @@ class RecordingFile:
 
         Parameters
         ----------
-        path : such as ``range``.
+        path : such as ``range``
 
         Raises
         ------
@@ -122,8 +122,8 @@ class RecordingFile:
 
         Parameters
         ----------
-        path : of the dataset, such as ``range``.
-        key : index, slice or tuple of them, as in h5py.
+        path : of the dataset, such as ``range``
+        key : index, slice or tuple of them, as in h5py
 
         Returns
         -------
@@ -156,7 +156,7 @@ class RecordingFile:
 
         Parameters
         ----------
-        what : path of the dataset; empty for the whole file.
+        what : path of the dataset; empty for the whole file
 
         Yields
         ------
@@ -215,7 +215,7 @@ class RecordingFile:
             if dataset.dtype.kind not in _NUMBERS:
                 raise ValueError(f"{dataset.name} holds {dataset.dtype}, not numbers")
             if self._is_hdf5:
-                check_size(dataset)
+                check_declared_size(dataset)
         self._constants = {
             group: {name: float(self._file[group].attrs[name]) for name in intermediates.CONSTANTS.get(group, ())}
             for group in self.kept
@@ -260,9 +260,7 @@ def _reopen(kind: type[RecordingFile], path: Path, count: int) -> RecordingFile:
 
     Parameters
     ----------
-    kind : class of the recording.
-    path : of the file.
-    count : number of frames.
+    count : number of frames
 
     Raises
     ------
@@ -279,13 +277,7 @@ def _reopen(kind: type[RecordingFile], path: Path, count: int) -> RecordingFile:
 
 
 def _extract_between(start: str, text: str, end: str) -> str:
-    """Return the text between a prefix and a suffix, or an empty text where either is missing.
-
-    Parameters
-    ----------
-    start, end : the prefix and the suffix.
-    text : to extract from.
-    """
+    """Return the text between a prefix and a suffix, or an empty text where either is missing."""
     return text[len(start) : -len(end)] if text.startswith(start) and text.endswith(end) else ""
 
 

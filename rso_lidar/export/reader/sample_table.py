@@ -20,8 +20,7 @@ def read_samples(frames: Iterable[Frame], sensor: str) -> SensorSamples:
 
     Parameters
     ----------
-    frames : from `simulate` or `open`, at least one.
-    sensor : name of the sensor.
+    frames : from `simulate` or `open`, at least one
 
     Raises
     ------
@@ -48,8 +47,7 @@ def tabulate_samples(samples: SensorSamples, utc: np.ndarray) -> dict[str, np.nd
 
     Parameters
     ----------
-    samples : of one sensor.
-    utc : the instants at which they hold, as text (sample).
+    utc : the instants at which they hold, as text (sample)
 
     Returns
     -------

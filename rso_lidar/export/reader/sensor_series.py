@@ -26,7 +26,7 @@ class SensorSeries(Mapping[str, SensorSamples]):
 
         Parameters
         ----------
-        recording : open file.
+        recording : open file
         """
         self._recording = recording
         self._described: dict[str, Any] = json.loads(recording.sensors_text)
@@ -55,8 +55,8 @@ class SensorSeries(Mapping[str, SensorSamples]):
 
         Parameters
         ----------
-        name : of the sensor.
-        frames : in ascending order, without a step.
+        name : of the sensor
+        frames : in ascending order, without a step
         """
         described, group = self._described[name], f"{GROUP}/{name}"
         counts = self._recording.read(f"{group}/{COUNT}", frames)
@@ -72,8 +72,8 @@ class SensorSeries(Mapping[str, SensorSamples]):
 
         Parameters
         ----------
-        name : of the sensor.
-        rows : entries of the frame, by path.
+        name : of the sensor
+        rows : entries of the frame, by path
         """
         group = f"{GROUP}/{name}"
         count = int(rows[f"{group}/{COUNT}"])
@@ -81,14 +81,7 @@ class SensorSeries(Mapping[str, SensorSamples]):
         return self._make(name, {field: rows[f"{group}/{field}"][:count] for field in fields}, count)
 
     def _make(self, name: str, entries: Mapping[str, np.ndarray], count: int) -> SensorSamples:
-        """Make the record of samples, after checking how many there are.
-
-        Parameters
-        ----------
-        name : of the sensor.
-        entries : samples by field, without padding.
-        count : of the samples, as counted in the file.
-        """
+        """Make the record of samples, after checking how many there are."""
         path = f"{GROUP}/{name}"
         with self._recording.watched(path):
             if any(len(values) != count for values in entries.values()):

@@ -17,11 +17,17 @@ _LOCK = re.compile(r"^\.(.+)\.lock$")
 
 @dataclass(frozen=True)
 class RecordingStatus:
-    """Status of a recording: `frames` are complete, the last one emitted at `time_s` (None before the first).
+    """Status of a recording that a run may be writing.
 
-    `output` is the final name, and `file` holds the frames now. `running` says whether a process writes it, or may
-    write it on systems that cannot tell. `complete` says whether the file has its final name. `source` is None before
-    the first frame, or where the writer was changing the file.
+    Parameters
+    ----------
+    output : final path
+    file : the file that holds the frames now
+    running : whether a process writes it, or may write it on systems that cannot tell
+    complete : whether the file has its final name
+    frames : number of complete frames
+    time_s : emission of the last of them [s since the start] (None: before the first)
+    source : of the recording (None: before the first frame, or where the writer was changing the file)
     """
 
     output: Path
@@ -34,9 +40,22 @@ class RecordingStatus:
 
 
 def read_status(path: Path) -> RecordingStatus:
-    """Read the status of the recording of that name; `path` may be its temporary name too.
+    """Read the status of a recording that a run may be writing.
 
     A running simulation takes precedence over an older recording that it will replace.
+
+    Parameters
+    ----------
+    path : of the recording, by its final or its temporary name
+
+    Returns
+    -------
+    RecordingStatus
+
+    Raises
+    ------
+    RecordingError
+        If there is no recording of that name, or it cannot be read.
     """
     output = path.with_name(TEMPORARY.sub("", path.name))
     named = None if path.name == output.name else path.name
@@ -64,9 +83,7 @@ def _read_file_status(output: Path, file: Path, *, running: bool) -> RecordingSt
 
     Parameters
     ----------
-    output : final name of the recording.
-    file : the file, final or temporary.
-    running : whether a process writes it.
+    running : whether a process writes it
     """
     complete = file == output
     try:

@@ -21,9 +21,9 @@ class StoredArray:
 
         Parameters
         ----------
-        recording : open file.
-        path : of the dataset.
-        dtype : of the values read; by default that of the file.
+        recording : open file
+        path : of the dataset
+        dtype : of the values read; by default that of the file
         """
         self._recording, self._path = recording, path
         dataset = recording.handle(path)

@@ -91,14 +91,7 @@ def _compute_crc32(metadata: dict[str, Any]) -> int:
 
 
 def _check_chunks(path: Path, name: str, array: Any) -> None:
-    """Raise a `RecordingError` where a chunk of an array is missing: Zarr would read it as fill values.
-
-    Parameters
-    ----------
-    path : of the store.
-    name : of the array.
-    array : opened with Zarr.
-    """
+    """Raise a `RecordingError` where a chunk of an array is missing: Zarr would read it as fill values."""
     held = array.shards or array.chunks
     wanted = math.prod(-(-side // chunk) for side, chunk in zip(array.shape, held, strict=True))
     there = sum(1 for file in (path / name / "c").rglob("*") if file.is_file()) if array.shape else wanted

@@ -21,7 +21,7 @@ class ImageEncoder:
 
     Parameters
     ----------
-    largest : bytes of the largest image.
+    largest : bytes of the largest image
     """
 
     def __init__(self, largest: int) -> None:
@@ -29,7 +29,17 @@ class ImageEncoder:
         self._out = np.empty(bound_stream(largest) + CHECKSUM_BYTES, np.uint8)
 
     def encode(self, entry: np.ndarray) -> np.ndarray:
-        """Encode an image, contiguous, as a chunk; it is valid until the next call."""
+        """Encode an image as a chunk.
+
+        Parameters
+        ----------
+        entry : (row, col), contiguous, of at most `largest` bytes
+
+        Returns
+        -------
+        ndarray
+            (byte) uint8, to be written with the filter mask 0; a view that is valid until the next call.
+        """
         data = packed(entry.reshape(-1).view(np.uint8))
         words = data[: len(data) // 8 * 8].view(np.uint64)
         length = deflate_planes(data, words, entry.itemsize, self._changes, self._tokens, self._out)
@@ -44,8 +54,8 @@ class ChunkWriter:
 
     Parameters
     ----------
-    file : open h5py file with a dataset for each variable.
-    variables : by path.
+    file : open h5py file with a dataset for each variable
+    variables : by path
     """
 
     def __init__(self, file: Any, variables: Mapping[str, Variable]) -> None:
@@ -62,8 +72,8 @@ class ChunkWriter:
 
         Parameters
         ----------
-        entries : by path, each contiguous and in the dtype of its dataset.
-        place : index of the frame on the first axis.
+        entries : by path, each contiguous and in the dtype of its dataset
+        place : index of the frame on the first axis
         """
         for path in self._images:
             self._append(path, self._encoder.encode(entries[path]), place)
@@ -80,9 +90,7 @@ class ChunkWriter:
 
         Parameters
         ----------
-        path : of the dataset.
-        chunk : encoded bytes.
-        place : number of the frame.
+        place : number of the frame
         """
         dataset, shape, corner = self._datasets[path]
         dataset.set_extent((place + 1, *shape))

@@ -17,9 +17,8 @@ def copy_frames(file: Any, old: Recording, paths: Collection[str]) -> None:
 
     Parameters
     ----------
-    file : h5py file that has the same datasets, empty.
-    old : recording of the interrupted run.
-    paths : of the datasets to copy; each has one chunk for each frame.
+    file : h5py file that has the same datasets, empty
+    paths : of the datasets to copy; each has one chunk for each frame
 
     Raises
     ------
@@ -44,14 +43,7 @@ def copy_frames(file: Any, old: Recording, paths: Collection[str]) -> None:
 
 
 def _copy_samples(make: Any, old: Recording, path: str) -> None:
-    """Copy the samples of a sensor to longer entries.
-
-    Parameters
-    ----------
-    make : the new dataset, empty.
-    old : recording of the interrupted run.
-    path : of the dataset.
-    """
+    """Copy the samples of a sensor to longer entries."""
     make.resize(len(old), axis=0)
     for k in range(len(old)):
         make[k] = pad(old.read(path, k), make.shape[1], make.fillvalue)
@@ -67,9 +59,8 @@ def copy_lenses(file: Any, old: Recording, lenses: LensTables) -> None:
 
     Parameters
     ----------
-    file : h5py file with an empty dataset /lens.
-    old : recording of the interrupted run, with one line of sight or several.
-    lenses : tables of `file`; the lines of sight are added to them.
+    file : h5py file with an empty dataset /lens
+    lenses : tables of `file`; the lines of sight are added to them
     """
     tables = old.line_of_sight if old.changes_lens else old.line_of_sight[None]
     numbers = [lenses.number(table) for table in tables]

@@ -47,10 +47,10 @@ def find_changes(data: np.ndarray, words: np.ndarray, size: int, changes: np.nda
 
     Parameters
     ----------
-    data : bytes (byte) of the items.
-    words : the complete 64-bit words of the same memory.
-    size : bytes of an item; it divides 8.
-    changes : receives the indices of the items found (item).
+    data : bytes (byte) of the items
+    words : the complete 64-bit words of the same memory
+    size : bytes of an item; it divides 8
+    changes : receives the indices of the items found (item)
 
     Returns
     -------
@@ -96,11 +96,11 @@ def split_into_tokens(
 
     Parameters
     ----------
-    data : bytes (byte) of the items.
-    size : bytes of an item, and number of planes.
-    changes : indices (change) of the items that differ from the previous one.
-    tokens : receives literals below 256, and `_MATCH` + length for matches.
-    plane_ends : receives the number of tokens at the end of each plane (size).
+    data : bytes (byte) of the items
+    size : bytes of an item, and number of planes
+    changes : indices (change) of the items that differ from the previous one
+    tokens : receives literals below 256, and `_MATCH` + length for matches
+    plane_ends : receives the number of tokens at the end of each plane (size)
 
     Returns
     -------
@@ -137,10 +137,9 @@ def _end_run(tokens: np.ndarray, found: int, value: int, run: int) -> int:
 
     Parameters
     ----------
-    tokens : written in place.
-    found : number of tokens so far.
-    value : of the bytes.
-    run : number of bytes that remain.
+    tokens : written in place
+    found : number of tokens so far
+    run : number of bytes that remain
 
     Returns
     -------
@@ -166,10 +165,10 @@ def find_codes(frequencies: np.ndarray, longest: int, lengths: np.ndarray, codes
 
     Parameters
     ----------
-    frequencies : of the symbols (symbol), at least two of them above 0.
-    longest : greatest length of a code [bits].
-    lengths : receives the lengths of the codes (symbol) [bits], 0 for symbols that do not occur.
-    codes : receives the codes (symbol), first bit lowest.
+    frequencies : of the symbols (symbol), at least two of them above 0
+    longest : greatest length of a code [bits]
+    lengths : receives the lengths of the codes (symbol) [bits], 0 for symbols that do not occur
+    codes : receives the codes (symbol), first bit lowest
     """
     symbols = np.empty(len(frequencies), np.int64)
     n = 0
@@ -242,10 +241,8 @@ def _put(out: np.ndarray, state: np.ndarray, value: int, width: int) -> None:
 
     Parameters
     ----------
-    out : receives the bytes.
-    state : place of the next byte, pending bits, and their number.
-    value : non-negative, with `width` bits.
-    width : number of bits.
+    value : non-negative, with `width` bits
+    width : number of bits
     """
     place, waiting, bits = state[0], state[1] | value << state[2], state[2] + width
     while bits >= 8:
@@ -260,10 +257,8 @@ def put_block(out: np.ndarray, state: np.ndarray, tokens: np.ndarray, head: int)
 
     Parameters
     ----------
-    out : receives the bytes.
-    state : place of the next byte, pending bits, and their number.
-    tokens : literals and matches (token).
-    head : first three bits of the block: whether it is the last, and its type.
+    tokens : literals and matches (token)
+    head : first three bits of the block: whether it is the last, and its type
     """
     lengths, codes = np.zeros(_SYMBOLS + 1, np.int64), np.zeros(_SYMBOLS + 1, np.int64)
     frequencies = np.zeros(_SYMBOLS, np.int64)
@@ -321,12 +316,12 @@ def deflate_planes(
 
     Parameters
     ----------
-    data : bytes (byte) of the items, one or more.
-    words : the complete 64-bit words of the same memory.
-    size : bytes of an item; it divides 8.
-    changes : scratch space (item).
-    tokens : scratch space (byte).
-    out : receives the stream; `bound_stream` bounds its length.
+    data : bytes (byte) of the items, one or more
+    words : the complete 64-bit words of the same memory
+    size : bytes of an item; it divides 8
+    changes : scratch space (item)
+    tokens : scratch space (byte)
+    out : receives the stream; `bound_stream` bounds its length
 
     Returns
     -------

@@ -31,8 +31,23 @@ def _reporting_access(place: Path) -> Iterator[None]:
         raise RecordingError(f"{place}: cannot be written here ({error.strerror}); choose another place") from None
 
 
-def check_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Return the path if an export may be written there: it does not exist, is empty, or is an older export."""
+def check_export_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    """Check that a folder of many files may be written at a path, before the work begins.
+
+    Parameters
+    ----------
+    path : of the folder, which does not exist, is empty, or is an older export of rso_lidar
+    overwrite : whether an older export may be replaced
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    RecordingError
+        If the path is a file, has no parent, or is a folder that holds anything else.
+    """
     place = Path(path)
     if not place.name or place.name == "..":
         raise RecordingError(f"{place}: cannot be replaced; name a folder in it")
@@ -55,10 +70,26 @@ def check_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
 
 
 @contextmanager
-def draft_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Path]:
-    """Yield a new folder to write into, which takes the final name on success.
+def draft_export_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Path]:
+    """Provide a new folder to write into, which takes the final name when the context ends without an error.
 
-    An older export that is overwritten stays untouched until the new one is complete.
+    An older export that is overwritten stays untouched until the new one is complete. Signals that end the process remove
+    the draft.
+
+    Parameters
+    ----------
+    path : of the folder, as for `check_export_folder`
+    overwrite : whether an older export may be replaced
+
+    Yields
+    ------
+    Path
+        Of the draft, beside the final place.
+
+    Raises
+    ------
+    RecordingError
+        As `check_export_folder`, and if the disk is full or may not be written.
     """
     place = Path(path)
     held = ExitStack()
@@ -71,7 +102,7 @@ def draft_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
 
     try:
         with remove_on_signal(remove):
-            check_folder(place, overwrite=overwrite)
+            check_export_folder(place, overwrite=overwrite)
             with defer_signals():
                 draft = _make_folder(place, "part")
                 ours.append((draft, made := draft.lstat()))
@@ -79,7 +110,7 @@ def draft_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
                     held.callback(os.close, os.open(draft, os.O_RDONLY))
             yield draft
             check_draft(draft, made, place)
-            check_folder(place, overwrite=overwrite)  # a folder that appeared since belongs to someone else
+            check_export_folder(place, overwrite=overwrite)  # a folder that appeared since belongs to someone else
             with defer_signals():
                 if place.is_dir():
                     old = _make_folder(place, "old")

@@ -14,7 +14,7 @@ from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.layout.attributes import AXES
 from rso_lidar.export.layout.datasets import compute_lidar_poses
 from rso_lidar.export.layout.target_table import tabulate_targets
-from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.records import Frame, Source
 
@@ -33,15 +33,11 @@ def write_frame_files(
 
     Parameters
     ----------
-    path : of the folder.
-    frames : written one at a time as they come.
-    kind : name of the format, and suffix of the files.
-    content : encodes a frame.
-    overwrite : replace an older export once the new one is complete.
+    frames : written one at a time as they come
     """
-    place = check_folder(path, overwrite=overwrite)
+    place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
-    with draft_folder(place, overwrite=overwrite) as draft:
+    with draft_export_folder(place, overwrite=overwrite) as draft:
         write_source(draft, first.source, kind)
         sizes: dict[str, int] = {}
         with (draft / "frames.jsonl").open("w", encoding="utf-8", newline="\n") as lines:
@@ -71,9 +67,7 @@ def write_new_file(place: Path, file: Path, content: bytes) -> None:
 
     Parameters
     ----------
-    place : of the output, for the message.
-    file : to write; its name begins with the number of its frame.
-    content : of the file.
+    file : to write; its name begins with the number of its frame
 
     Raises
     ------
@@ -89,14 +83,7 @@ def write_new_file(place: Path, file: Path, content: bytes) -> None:
 
 
 def write_source(folder: Path, source: Source, kind: str) -> None:
-    """Write source.json: the origin of the frames in a folder, and their axes.
-
-    Parameters
-    ----------
-    folder : of the output.
-    source : of the frames.
-    kind : name of the format.
-    """
+    """Write source.json: the origin of the frames in a folder, and their axes."""
     content = {
         "format": kind,
         "rso_lidar_version": source.versions.get("rso_lidar", "unknown"),

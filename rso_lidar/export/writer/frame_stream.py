@@ -17,13 +17,7 @@ from rso_lidar.records import Frame
 
 
 def take_first(place: Path, frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:
-    """Return the first frame, and an iterator over all frames; raise a `RecordingError` if there is none.
-
-    Parameters
-    ----------
-    place : output, for messages.
-    frames : consumed one by one.
-    """
+    """Return the first frame, and an iterator over all frames; raise a `RecordingError` if there is none."""
     if not isinstance(frames, Iterable):
         raise RecordingError(f"{place}: got a {type(frames).__name__}, not frames; give what simulate or open returns")
     coming = iter(frames)
@@ -46,10 +40,7 @@ def match_entries(place: Path, frame: Frame, first: Frame, variables: Mapping[st
 
     Parameters
     ----------
-    place : output, for messages.
-    frame : to be written.
-    first : first frame of the output.
-    variables : of the output, by path.
+    frame : to be written
     """
     where = f"{place}: frame {frame.index}"
     if frame is not first and get_parents(frame) != get_parents(first):
@@ -80,8 +71,7 @@ def pad_entries(entries: Mapping[str, np.ndarray], variables: Mapping[str, Varia
 
     Parameters
     ----------
-    entries : from `match_entries`.
-    variables : by path.
+    entries : from `match_entries`
     """
     return {
         path: pad(value, variables[path].shape[0], variables[path].fill) if variables[path].is_series else value

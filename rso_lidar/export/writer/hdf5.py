@@ -20,9 +20,8 @@ def write_hdf5(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
 
     Parameters
     ----------
-    path : of the recording.
-    frames : written as they come.
-    overwrite : whether an older recording may be replaced.
+    frames : written as they come
+    overwrite : whether an older recording may be replaced
     """
     output = check_output(path, overwrite=overwrite)
     first, coming = take_first(output, frames)

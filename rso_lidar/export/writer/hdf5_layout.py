@@ -34,11 +34,9 @@ def lay_out(
 
     Parameters
     ----------
-    file : empty h5py file.
-    source : of the frames.
-    frame : any frame of the recording.
-    changing_lens : store a table of lines of sight that grows, and the number of each frame's in /lens.
-    capacities : samples of each sensor for which there is room in a frame (None: as this frame needs).
+    file : empty h5py file
+    changing_lens : store a table of lines of sight that grows, and the number of each frame's in /lens
+    capacities : samples of each sensor for which there is room in a frame (None: as this frame needs)
     """
     found = list_variables(frame, capacities)
     more = list(list_optional(frame))
@@ -75,10 +73,9 @@ def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], chan
 
     Parameters
     ----------
-    file : empty h5py file.
-    frame : the first one.
-    scales : dimension scales by name; a scale is added if the lens changes.
-    changing : whether the lens changes.
+    file : empty h5py file
+    scales : dimension scales by name; a scale is added if the lens changes
+    changing : whether the lens changes
     """
     stated = specs(Observation)["line_of_sight"]
     shape, dims = frame.line_of_sight.shape, stated.dims
@@ -98,14 +95,7 @@ def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], chan
 
 
 def _make_own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]) -> dict[str, Any]:
-    """Create the scales of dimensions that only the dataset's group has, such as the samples of waveforms.
-
-    Parameters
-    ----------
-    dataset : of the variable.
-    variable : with its dimensions.
-    scales : those of the whole file.
-    """
+    """Create the scales of dimensions that only the dataset's group has, such as the samples of waveforms."""
     sizes = zip(variable.spec.dims, variable.shape, strict=True)
     group = dataset.parent
     common = ("xyz", "quaternion") if is_series(variable.path) else scales  # others of a sensor are its own
@@ -119,9 +109,7 @@ def _make_scale(group: Any, dim: str, size: int) -> Any:
 
     Parameters
     ----------
-    group : that it belongs to.
-    dim : name of the dimension.
-    size : of the dimension.
+    group : that it belongs to
     """
     made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", compression="gzip", fletcher32=True)
     _write_attributes(made, {"units": "1", "long_name": get_scale_meaning(made.name.strip("/"))})
@@ -134,9 +122,7 @@ def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) 
 
     Parameters
     ----------
-    file : h5py file.
-    variable : shape, dtype, chunks and fill value.
-    attributes : to write.
+    file : h5py file
     """
     made = file.create_dataset(
         variable.path,
@@ -162,9 +148,7 @@ def _attach_scales(dataset: Any, dims: tuple[str, ...], scales: Mapping[str, Any
 
     Parameters
     ----------
-    dataset : of h5py.
-    dims : names of its dimensions.
-    scales : by name.
+    dataset : of h5py
     """
     for axis, dim in enumerate(dims):
         dataset.dims[axis].attach_scale(scales[dim])

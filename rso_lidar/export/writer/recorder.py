@@ -49,9 +49,9 @@ def run_id(source: Source, frames_text: str, version: str) -> str:
 
     Parameters
     ----------
-    source : of the frames.
-    frames_text : choice of frames as the user wrote it, empty for all of them.
-    version : of rso_lidar.
+    source : of the frames
+    frames_text : choice of frames as the user wrote it, empty for all of them
+    version : of rso_lidar
     """
     parts = (source.scenario, str(source.seed), frames_text, version)
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]
@@ -62,8 +62,8 @@ def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
 
     Parameters
     ----------
-    path : of the recording; a leading ``~`` is expanded.
-    overwrite : whether an existing file may be replaced.
+    path : of the recording; a leading ``~`` is expanded
+    overwrite : whether an existing file may be replaced
 
     Returns
     -------
@@ -92,13 +92,13 @@ class Recorder:
 
     Parameters
     ----------
-    path : of the recording.
-    source : of all frames.
-    run_id : identifies the run, see `run_id`.
-    overwrite : replace an older recording and an interrupted run.
-    resume : continue an interrupted run.
+    path : of the recording
+    source : of all frames
+    run_id : identifies the run, see `run_id`
+    overwrite : replace an older recording and an interrupted run
+    resume : continue an interrupted run
     changing_lens : whether frames may differ in their line of sight. False refuses such frames. None accepts them, and
-        copies the recording to a new file at the first one.
+        copies the recording to a new file at the first one
     """
 
     def __init__(
@@ -176,7 +176,7 @@ class Recorder:
 
         Parameters
         ----------
-        frame : with the arrays, source and kept records of the first frame.
+        frame : with the arrays, source and kept records of the first frame
 
         Raises
         ------
@@ -275,7 +275,7 @@ class Recorder:
 
         Parameters
         ----------
-        frame, first, place : the frame to be written, the first one, and the name of the frame for messages.
+        frame, first, place : the frame to be written, the first one, and the name of the frame for messages
         """
         ours, theirs = frame.line_of_sight, first.line_of_sight
         if is_same_memory(ours, theirs):

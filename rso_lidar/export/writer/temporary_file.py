@@ -25,9 +25,9 @@ class InterferenceError(OSError):
 
         Parameters
         ----------
-        what : what happened.
-        cure : what to do before the next run.
-        intact : whether the open file still holds all its frames.
+        what : what happened
+        cure : what to do before the next run
+        intact : whether the open file still holds all its frames
         """
         super().__init__(what)
         self.cure, self.intact = cure, intact
@@ -40,8 +40,8 @@ class TemporaryFile:
 
     Parameters
     ----------
-    path : where it was created.
-    descriptor : of the open file; a duplicate keeps the content alive if the name is removed.
+    path : where it was created
+    descriptor : of the open file; a duplicate keeps the content alive if the name is removed
     """
 
     def __init__(self, path: Path, descriptor: int) -> None:
@@ -53,7 +53,7 @@ class TemporaryFile:
 
         Parameters
         ----------
-        least_bytes : least length of the file [bytes].
+        least_bytes : least length of the file [bytes]
         """
         if self._descriptor < 0:
             return
@@ -74,7 +74,7 @@ class TemporaryFile:
 
         Parameters
         ----------
-        output : final name of the recording; a copy gets a name that a resumed run recognises.
+        output : final name of the recording; a copy gets a name that a resumed run recognises
         """
         for path in (self.path, *self._names()):
             if self._lies_at(path):

@@ -28,7 +28,7 @@ from rso_lidar.export.layout.attributes import (
 )
 from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_optional, list_variables
 from rso_lidar.export.reader.zarr_file import add_metadata_crc32, open_zarr
-from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_stream import count_frame_bytes, match_entries, pad_all, take_first, to_json
 from rso_lidar.export.writer.lens_tables import LensNumbers
 from rso_lidar.records import Frame, Observation, specs
@@ -42,14 +42,12 @@ def write_zarr(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
 
     Parameters
     ----------
-    path : of the store, a folder.
-    frames : written as they come.
-    overwrite : replace an older export once the new one is complete.
+    frames : written as they come
     """
     zarr = _import_zarr(path)
-    place = check_folder(path, overwrite=overwrite)
+    place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
-    with draft_folder(place, overwrite=overwrite) as draft:
+    with draft_export_folder(place, overwrite=overwrite) as draft:
         store = ZarrWriter(zarr, place, draft, first)
         for frame in coming:
             store.add(frame)
@@ -77,10 +75,10 @@ class ZarrWriter:
 
         Parameters
         ----------
-        zarr : the library.
-        place : of the output, for messages.
-        folder : to write in.
-        first : the first frame.
+        zarr : the library
+        place : of the output, for messages
+        folder : to write in
+        first : the first frame
         """
         self._zarr, self._place, self._folder, self._first = zarr, place, folder, first
         self._variables = list_variables(first)
@@ -159,10 +157,7 @@ class ZarrWriter:
 
         Parameters
         ----------
-        path : in the store.
-        shape, chunk, shard : sizes along its dimensions; without shard, each chunk is a file.
-        stated : its dtype, fill value and dimension names.
-        attributes : to write.
+        shape, chunk, shard : sizes along its dimensions; without shard, each chunk is a file
         """
         *groups, name = path.split("/")
         place = self._root
@@ -242,8 +237,7 @@ class ZarrWriter:
 
         Parameters
         ----------
-        name : path of the array.
-        count : number of samples.
+        count : number of samples
         """
         variable = self._variables[name]
         if count <= variable.shape[0]:

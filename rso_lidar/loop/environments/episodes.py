@@ -80,9 +80,7 @@ def _change(part: Any, place: str, **fields: Any) -> Any:
 
     Parameters
     ----------
-    part : the part, or an object of the user's own
     place : where it is, for the message
-    fields : new values by the names of the fields
     """
     known = type(part).model_fields if isinstance(part, Part) else {}
     for name in fields:

@@ -186,13 +186,7 @@ def _list_ports(ports: Iterable[Port]) -> list[tuple[str, float, str, bool]]:
 
 
 def _copy_files(scenario: Scenario, folder: Path) -> list[Path]:
-    """Copy the files that a scenario names by relative paths; return the files and folders to put into the FMU.
-
-    Parameters
-    ----------
-    scenario : which names them
-    folder : where they go
-    """
+    """Copy the files that a scenario names by relative paths; return the files and folders to put into the FMU."""
     tops = []
     for name in list_named_files(Scenario.loads(scenario.source.scenario, trust_code=True)):
         wanted, _, _ = name.partition(":") if ".py:" in name else (name, "", "")
@@ -211,12 +205,7 @@ def _copy_files(scenario: Scenario, folder: Path) -> list[Path]:
 
 
 def _state_units(built: Path, final: Path, units: dict[str, str]) -> None:
-    """Copy an FMU, and state the units of its variables in its description.
-
-    Parameters
-    ----------
-    units : of the variables, by name
-    """
+    """Copy an FMU, and state the units of its variables in its description."""
     with zipfile.ZipFile(built) as before, zipfile.ZipFile(final, "w", zipfile.ZIP_DEFLATED) as after:
         for entry in before.infolist():
             data = before.read(entry)

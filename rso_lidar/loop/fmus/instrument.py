@@ -43,10 +43,6 @@ MEASURED = (
 def measure(observation: Observation) -> dict[str, float]:
     """Compute the quantities of `MEASURED` from what the spacecraft could know of a flash.
 
-    Parameters
-    ----------
-    observation : of the flash
-
     Returns
     -------
     values by name.
@@ -150,10 +146,6 @@ class Instrument:
 
 def list_inputs(scenario: Scenario) -> tuple[Port, ...]:
     """List the inputs of the instrument of a scenario: those of its PTU and of its state-space models.
-
-    Parameters
-    ----------
-    scenario : to be flown
 
     Returns
     -------

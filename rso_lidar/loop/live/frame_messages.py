@@ -147,13 +147,7 @@ def write_calibration(frame: Frame) -> Any:
 
 
 def write_targets(frame: Frame, shapes: Sequence[Shape]) -> Any:
-    """Return the true meshes, each in its own axes, as binary STL.
-
-    Parameters
-    ----------
-    frame : any frame, for its time
-    shapes : meshes of the targets
-    """
+    """Return the true meshes, each in its own axes, as binary STL."""
     from foxglove.messages import Color, ModelPrimitive, Pose, Quaternion, SceneEntity, SceneUpdate, Vector3
 
     return SceneUpdate(

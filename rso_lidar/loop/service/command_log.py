@@ -143,12 +143,7 @@ def repeat_flight(simulation: Simulation, path: str | os.PathLike[str]) -> Itera
 
 
 def _repeat_step(simulation: Simulation, step: LoggedStep, where: str) -> Frame | None:
-    """Step a simulation as the log says.
-
-    Parameters
-    ----------
-    where : start of error messages
-    """
+    """Step a simulation as the log says."""
     command = step.command.to_command() if step.command else None
     length_s = {} if step.dt_ns is None else {"dt_s": step.dt_ns / NS_PER_S}
     try:
@@ -161,12 +156,7 @@ def _repeat_step(simulation: Simulation, step: LoggedStep, where: str) -> Frame 
 
 
 def _check_header(header: LogHeader, simulation: Simulation, where: str) -> None:
-    """Check that a simulation flies what the log is of.
-
-    Parameters
-    ----------
-    where : start of error messages
-    """
+    """Check that a simulation flies what the log is of."""
     if header.digest != simulation.digest:
         raise RecordingError(f"{where}: is of another scenario; load the scenario in the recording beside it")
     if header.seed != simulation.scenario.seed:
@@ -177,12 +167,7 @@ def _check_header(header: LogHeader, simulation: Simulation, where: str) -> None
 
 
 def _parse_line(line: bytes, kind: type[_Line], where: str) -> _Line:
-    """Return what a line holds.
-
-    Parameters
-    ----------
-    where : start of error messages
-    """
+    """Return what a line holds."""
     try:
         tree = parse_json(line, where)
         return kind.model_validate(tree)

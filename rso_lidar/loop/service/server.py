@@ -127,12 +127,7 @@ class Server:
             ) from None
 
     def _make_socket(self, context: Any, undone: ExitStack, kind: int) -> Any:
-        """Make a socket of the server, with limits on the size of a part and on the number of messages that wait.
-
-        Parameters
-        ----------
-        context, undone : of ZeroMQ, and what is closed at the end
-        """
+        """Make a socket of the server, with limits on the size of a part and on the number of messages that wait."""
         zmq = self._zmq
         made = undone.enter_context(context.socket(kind))
         made.setsockopt(zmq.MAXMSGSIZE, MOST_REQUEST_BYTES)
@@ -151,7 +146,6 @@ class Server:
         Parameters
         ----------
         gateway : the `Gateway` to the socket
-        made, folder : the socket, and the folder of its private address
         option, endpoint : the public address, and the option that gave it
         """
         has_ipc = self._zmq.has("ipc") and hasattr(socket, "AF_UNIX")

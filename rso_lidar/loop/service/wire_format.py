@@ -15,7 +15,7 @@ from pydantic_core import from_json, to_json
 
 from rso_lidar import records
 from rso_lidar.errors import RunError, ScenarioError
-from rso_lidar.export import INERTIAL, NODE, SUN, compute_lidar_poses
+from rso_lidar.export import collect_truth
 from rso_lidar.loop.service.requests import SCHEMA
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import (
@@ -95,23 +95,7 @@ def list_truth(truth: Truth) -> list[WireArray]:
     ----------
     truth : at one epoch
     """
-    from scipy.spatial.transform import Rotation
-
-    arrays = [WireArray("truth/sun_direction", SUN, truth.sun_direction)]
-    for name, matrix in compute_lidar_poses(truth.poses).items():
-        link = truth.poses[name]
-        quaternions = Rotation.from_matrix(np.array([link.matrix, matrix[:3, :3]])).as_quat(canonical=True)
-        from_parent = (link.translation_m, quaternions[0], link.velocity_m_s, link.angular_velocity_rad_s)
-        values = (*from_parent, matrix[:3, 3], quaternions[1])
-        arrays += [
-            WireArray(f"truth/{name}/{path}", spec, value)
-            for (path, spec), value in zip(NODE.items(), values, strict=True)
-        ]
-    for name, state in truth.states.items():
-        arrays += [
-            WireArray(f"truth/{name}/{path}", specs(BodyState)[field], getattr(state, field))
-            for path, field in INERTIAL.items()
-        ]
+    arrays = [WireArray(path, spec, value) for path, (spec, value) in collect_truth(truth).items()]
     if truth.pointing is not None:
         arrays += list_record("ptu/", truth.pointing)
     return arrays
@@ -279,7 +263,7 @@ def build_truth(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Truth:
         )
         links[name] = Link((position, Rotation.from_quat(quaternion).as_matrix()), velocity, rate)
     states = {
-        name: BodyState(*(arrays[f"truth/{name}/{path}"] for path in INERTIAL))
+        name: BodyState(arrays[f"truth/{name}/inertial_position"], arrays[f"truth/{name}/inertial_velocity"])
         for name in header["parents"]
         if f"truth/{name}/inertial_position" in arrays
     }

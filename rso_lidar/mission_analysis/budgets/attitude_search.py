@@ -165,8 +165,6 @@ def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    lidar : the instrument
-    range_m : range
     phase : (right_down) place beside the boresight [pixels]
     """
     x, y = phase * lidar.receiver.pixel_tangent
@@ -175,13 +173,7 @@ def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:
 
 
 def follow_gate(lidar: Lidar, range_m: float) -> Lidar:
-    """Return the instrument with a range in the middle of its gate; the same without a gate.
-
-    Parameters
-    ----------
-    lidar : the instrument
-    range_m : range
-    """
+    """Return the instrument with a range in the middle of its gate; the same without a gate."""
     traits = lidar.detector.traits
     if not traits.is_gated:
         return lidar

@@ -16,7 +16,6 @@ def choose_body(lidar: Lidar, scenario: Scenario | None, body: str | None) -> tu
 
     Parameters
     ----------
-    lidar : the camera
     scenario : the scenario of the camera, if any
     body : name of a target or of a model, or path of a mesh (None: the scenario's first target)
 

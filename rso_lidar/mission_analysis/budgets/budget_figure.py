@@ -37,7 +37,6 @@ def budget_figure(
 
     Parameters
     ----------
-    probability : the wanted probability of detection
     filled_to_m : range beyond which the target fills no pixel, and curves are drawn faintly [m]
     """
     figure = figures.new_figure(11.0, 8.2, title, note, tuple(small_print))

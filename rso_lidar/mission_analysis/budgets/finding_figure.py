@@ -34,7 +34,6 @@ def finding_figure(
     ----------
     range_m : (range) [m]
     found, worst_found : (range) probabilities over all attitudes, and in the worst one
-    title, note, small_print : words about the figure
     probability, max_range_m : wanted probability, and the greatest range that has it [m], NaN where none has
     worst : description of the worst attitude, None without one
     """

@@ -52,7 +52,6 @@ def check_angles_deg(what: str, given: Sequence[float] | float, least: float, mo
 
     Parameters
     ----------
-    what : name of the angles in error messages
     given : one or several angles [deg]
     least, most : limits [deg]
     """
@@ -240,8 +239,6 @@ def describe_omissions(lidar: Lidar, false_alarms: float, *, retros: bool = Fals
 
     Parameters
     ----------
-    lidar : the camera
-    false_alarms : false alarms of a frame in the dark
     retros : whether retro-reflectors of the target are omitted
     """
     laser, receiver = lidar.laser, lidar.receiver

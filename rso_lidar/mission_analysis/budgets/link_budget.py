@@ -8,12 +8,6 @@ def filled_pixel_photons(laser: Laser, receiver: Receiver, brdf_per_sr: float, r
 
     Fuller et al., eq. 7, with the factor 4 (or the area of another footprint), before the APD.
 
-    Parameters
-    ----------
-    laser, receiver : the instrument
-    brdf_per_sr : BRDF of the facet
-    range_m : range of the facet
-
     Examples
     --------
     >>> from rso_lidar.optics import Laser, Receiver

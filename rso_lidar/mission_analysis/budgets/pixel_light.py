@@ -40,8 +40,6 @@ def compute_photons(
 
     Parameters
     ----------
-    laser, receiver : the camera
-    material : of the facet
     tilt_rad : angle between the facet's normal and the boresight [rad]
     range_m : (range) ranges of the facet [m]
     facet_m2 : area of a square facet [m²] (None: it fills the pixel and its neighbours)
@@ -77,7 +75,6 @@ def depth_spread_s(receiver: Receiver, tilt_rad: float, range_m: np.ndarray, fil
 
     Parameters
     ----------
-    receiver : the lens and the focal plane
     tilt_rad : angle between the facet's normal and the boresight [rad]
     range_m : (range) ranges of the facet [m]
     fill : (range) share of the pixel that the facet fills, which gives the visible width w
@@ -115,12 +112,7 @@ def _illuminated_share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) 
 
 
 def _overlap(middle: np.ndarray, half: np.ndarray, low: float = -1.0, high: float = 1.0) -> np.ndarray:
-    """Return the length of the part of an interval that lies within `half` of `middle`.
-
-    Parameters
-    ----------
-    middle, half : middle and half width of the other interval
-    """
+    """Return the length of the part of an interval that lies within `half` of `middle`."""
     length: np.ndarray = np.maximum(np.minimum(middle + half, high) - np.maximum(middle - half, low), 0.0)
     return length
 
@@ -134,13 +126,7 @@ def _gaussian_share(middle: np.ndarray, half: np.ndarray) -> np.ndarray:
 
 
 def _circle_share(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Return the share of the unit circle inside a square, summed over slices.
-
-    Parameters
-    ----------
-    x, y : middle of the square
-    half : half of its side
-    """
+    """Return the share of the unit circle inside a square, summed over slices."""
     place = (np.arange(_SLICES) + 0.5) / _SLICES * 2.0 - 1.0
     across = x[..., None] + half[..., None] * place
     chord = np.sqrt(np.maximum(1.0 - across**2, 0.0))
@@ -157,7 +143,6 @@ def _pattern_share(pattern: np.ndarray, x: np.ndarray, y: np.ndarray, half: np.n
     ----------
     pattern : (row, col) share of the energy in each cell, uniform within the cell
     x, y : middle of the square in units of the pattern's half width
-    half : half of its side
     """
     rows, cols = pattern.shape
     shares = []

@@ -66,15 +66,11 @@ def compute_curve(
 
     Parameters
     ----------
-    lidar : the camera
-    label : name of the material
-    material : of the facet
     tilt : angle between the facet's normal and the boresight [deg]
     range_m : (range) ranges [m]
     facet_m2 : area of the facet [m²] (None: it fills the pixel)
     target : target on which pixels are counted
     filled_to_m : range to which the target fills a pixel [m]
-    wanted : detection probability for which the greatest range is solved
     """
     laser, receiver, detector = lidar.laser, lidar.receiver, lidar.detector
     tilt_rad = tilt * units.DEG

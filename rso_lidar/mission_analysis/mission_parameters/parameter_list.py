@@ -178,12 +178,7 @@ def _list_inner(value: Any) -> Iterator[tuple[str, Part]]:
 
 
 def _find_twin(part: Part, path: str, resolved: Mapping[str, Any]) -> Any:
-    """Return the part of a place in which files have been found, or the part itself.
-
-    Parameters
-    ----------
-    resolved : parts by place in which files have been found
-    """
+    """Return the part of a place in which files have been found, or the part itself."""
     for start, one in resolved.items():
         if path == start or path.startswith(f"{start}."):
             for step in path.removeprefix(start).split("."):

@@ -83,13 +83,6 @@ def write_model(name: str, parameters: Sequence[MissionParameter], about: str, m
     """Write a package with one part that holds all parameters.
 
     Keys without a value are left out.
-
-    Parameters
-    ----------
-    name : of the package
-    parameters : of the mission
-    about : documentation of the package
-    more : further lines of the package, such as requirements
     """
     more = list(more)
     given = [one for one in parameters if one.value is not None and one.value not in ((), {})]
@@ -133,12 +126,7 @@ def _find_units(lines: Iterable[str]) -> set[str]:
 
 
 def _write_attribute(name: str, one: MissionParameter) -> list[str]:
-    """Write the attribute usage of a parameter.
-
-    Parameters
-    ----------
-    name, one : last step of the path, and the parameter
-    """
+    """Write the attribute usage of a parameter."""
     notation = find_notation(one.unit)
     values = list(_flatten(one.value))
     kind = notation.type if one.unit and notation.unit else _choose_type(values)
@@ -177,7 +165,6 @@ def _write_value(value: Any, unit: str) -> str:
 
     Parameters
     ----------
-    value : a number, text, truth value, instant or table
     unit : expression of the unit; empty for none
 
     >>> _write_value(1064.0, "nm"), _write_value("a", ""), _write_value(True, "")

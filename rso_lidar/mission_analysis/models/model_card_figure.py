@@ -43,9 +43,6 @@ def model_card_figure(
 
     Parameters
     ----------
-    title : the model's name
-    views : its sides
-    lines : what it is, in a few words each
     light : rows of cells of a table, its heads first
     """
     wrapped = [part for line in lines for part in textwrap.wrap(line, 80)]

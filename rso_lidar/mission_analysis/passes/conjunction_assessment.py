@@ -216,12 +216,7 @@ def _choose_radius(message: ConjunctionMessage, radius_m: float | None) -> tuple
 
 
 def _compare(message: ConjunctionMessage, miss_m: float, speed_m_s: float, place_m: np.ndarray) -> list[str]:
-    """Compare the figures of a message with those of its states, and return a note for each that differs.
-
-    Parameters
-    ----------
-    miss_m, speed_m_s, place_m : distance, relative speed and position of its states
-    """
+    """Compare the figures of a message with those of its states, and return a note for each that differs."""
     stated: list[tuple[str, Any, Any, float, str]] = [
         ("MISS_DISTANCE", message.stated_miss_m, miss_m, _ROUNDED_M, "m"),
         ("RELATIVE_SPEED", message.stated_speed_m_s, speed_m_s, _ROUNDED_M_S, "m/s"),

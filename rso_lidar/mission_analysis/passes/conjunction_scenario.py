@@ -105,12 +105,7 @@ def conjunction_scenario_text(
 
 
 def _write_facts(conjunction: ConjunctionAssessment, own: ConjunctionObject, other: ConjunctionObject) -> list[str]:
-    """Write the comments that describe the conjunction.
-
-    Parameters
-    ----------
-    own, other : the object with the lidar, and the one before it
-    """
+    """Write the comments that describe the conjunction."""
     message = conjunction.message
     known = f" {message.message_id}" if message.message_id else ""
     by = f" of {message.originator}" if message.originator else ""

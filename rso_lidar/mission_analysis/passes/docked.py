@@ -36,11 +36,6 @@ def fold_docked(screened: ScreeningResult | PairScreening, rows: Sequence[Encoun
     deviations where the catalogue gives both the same elements for a part of the span. A formation with an ellipse of
     some hundred metres (TerraSAR-X and TanDEM-X) does not count.
 
-    Parameters
-    ----------
-    screened : the screening, with the element sets in use
-    rows : its encounters, in any order
-
     Returns
     -------
     list of Encounter

@@ -48,7 +48,6 @@ def encounter_figure(
     labels : (row) name of each object
     within_m : range limit of the search [m]
     reach_m : range at which the lidar detects a facing plate of 1 m2 [m], drawn as a line
-    title, note : heading of the figure, and small print beside it
     window_utc : start and end of the search, the span of the time axis; by default from the first row to the last
 
     Returns
@@ -160,7 +159,6 @@ def _write_names(
 
     Parameters
     ----------
-    figure, axes : where to write
     points : (point, [x, y]) in data coordinates
     named : index and name of each point to name, in order of importance
     """

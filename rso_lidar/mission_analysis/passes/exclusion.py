@@ -46,7 +46,6 @@ def check_constraints(
 
     Parameters
     ----------
-    asked : the constraints
     table : columns (row) of the encounters by name
     place_m : (row, 3) position of the follower in the rtn axes of each object [m]
     """

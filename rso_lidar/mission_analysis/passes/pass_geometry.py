@@ -189,11 +189,8 @@ def build_encounters(
 
     Parameters
     ----------
-    screened : the screening
     reach : nearest and farthest range of the lidar [m]
     max_slew_deg_s : greatest rate of the line of sight [deg/s]
-    light : what the lidar gets of a plate
-    constraints : exclusion angles, keep-out sphere and corridors
     """
     sky = ExclusionAngles(screened, constraints)
     each = [max(_EACH_SIDE, math.ceil((stay.leave_s - stay.enter_s) / _APART_S)) for stay in screened.approaches]
@@ -225,10 +222,8 @@ def _build_batch(
 
     Parameters
     ----------
-    screened, stays : result of the screening, and its close approaches
     reach : nearest and farthest range of the lidar [m]
     max_slew_deg_s : limit of the slew rate [deg/s]
-    each_side : instants on either side of the closest approach
     """
     lead, objects = screened.follower, screened.objects
     which, first = (np.array(numbers) for numbers in zip(*((stay.which, stay.lead) for stay in stays), strict=True))
@@ -314,7 +309,6 @@ def _integrate_stays(
     speed_m_s : (stay) relative speed at the closest approach [m/s]
     reach : nearest and farthest range of the lidar [m]
     max_slew_deg_s : greatest rate of the line of sight [deg/s]
-    each_side : epochs on each side of the closest approach
     """
     nearest = np.array([stay.time_s for stay in stays])
     range_m = np.array([stay.range_m for stay in stays])

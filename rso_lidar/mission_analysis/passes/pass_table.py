@@ -23,6 +23,7 @@ from rso_lidar.mission_analysis.passes.pass_geometry import (
 )
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
 from rso_lidar.scenario import Constraints, Lidar
+from rso_lidar.units import format_count
 
 NOTE = (
     "Element sets are good to about a kilometre, and worse with age: these are plausible encounters, not predictions."
@@ -273,11 +274,6 @@ class Encounters:
         writer.writerow(names)
         writer.writerows([_format_cell(name, getattr(row, name)) for name in names] for row in self.rows)
         return write_text(path, text.getvalue(), overwrite=overwrite)
-
-
-def format_count(number: float, noun: str) -> str:
-    """Format a number with its noun, in the plural where it is not one."""
-    return f"{number:,.10g} {noun}{'' if number == 1 else 's'}"
 
 
 def _format_seconds(time_s: float) -> str:

@@ -233,8 +233,6 @@ def tabulate_light(
 
     Parameters
     ----------
-    light : what the lidar gets of a plate
-    sky : gives the Sun
     time_s : (stay, instant) times [s]
     geometry : relative positions [m] and velocities [m/s], and positions of the follower [m], all (stay, instant, 3) in TEME
         axes

@@ -63,9 +63,7 @@ def write_motion(entry: Any, state: BodyState, at_utc: datetime.datetime) -> str
 
     Parameters
     ----------
-    entry : the element set, or the piece of a trajectory
     state : its state in GCRS axes
-    at_utc : when it has this state
     """
     if isinstance(entry, ElementSet):
         return write_elements(entry)

@@ -157,7 +157,6 @@ def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_s
     Parameters
     ----------
     within_m : greatest distance of an encounter [m]
-    start_utc, days : start, with an offset, and length of the searched span
     max_slew_deg_s : greatest rate of the line of sight [deg/s]
     """
     for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
@@ -186,13 +185,7 @@ def _check_number(what: str, unit: str, value: Any) -> None:
 
 
 def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> list[Any]:
-    """Return the element sets of the follower, or its trajectory.
-
-    Parameters
-    ----------
-    follower : number, name, element set or sets, or trajectory
-    catalog : the catalogue as it was given, for error messages
-    """
+    """Return the element sets of the follower, or its trajectory."""
     if isinstance(follower, ElementSet | NamedTrajectory):
         return [follower]
     if isinstance(follower, list | tuple) and follower and all(isinstance(one, ElementSet) for one in follower):

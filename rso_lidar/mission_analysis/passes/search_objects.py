@@ -221,7 +221,6 @@ def load_follower(path: str, *, trust_code: bool = False, trust_fmu: bool = Fals
 
     Parameters
     ----------
-    path : of the file
     trust_code, trust_fmu : whether Python code and FMUs may run that a scenario names
 
     Raises

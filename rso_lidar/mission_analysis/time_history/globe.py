@@ -3,31 +3,40 @@
 from __future__ import annotations
 
 import datetime
-from typing import Any
+import os
+from pathlib import Path
 
 import numpy as np
 
 from rso_lidar import orbit
-from rso_lidar.export import CzmlBeam, CzmlBody, build_packets
+from rso_lidar.mission_analysis.time_history.czml import CzmlBeam, CzmlBody, build_packets, write_czml
 from rso_lidar.orbit import itrs_from_gcrs
 from rso_lidar.pose import ROOT, quaternion_xyzw
 from rso_lidar.records import Truth
 
 
-def build_globe(title: str, start_utc: datetime.datetime, targets: list[str], place: Truth) -> list[dict[str, Any]]:
-    """Build a CZML document: bodies with their orientation, lines of sight to targets, and the lidar's boresight.
+def write_globe(
+    path: str | os.PathLike[str], title: str, start_utc: datetime.datetime, targets: list[str], place: Truth
+) -> Path:
+    """Write a CZML file: bodies with their orientation, lines of sight to targets, and the lidar's boresight.
 
     Parameters
     ----------
+    path : of the file; an existing one is replaced
     title : name of the document
     start_utc : start of the run
     targets : names of the targets
-    place : truth of the run at its epochs (time), with the lidar; not of a local world
+    place : truth, batched over epochs; `choose_globe_samples` reduces it to as many as browser globes play smoothly
 
     Returns
     -------
-    list of dict
-        The packets, as `export.write_czml` writes them.
+    Path
+        Of the file, which is written completely or not at all.
+
+    Raises
+    ------
+    RecordingError
+        Without a body, or where positions are not finite.
     """
     time_s = place.time_s
     fixed = itrs_from_gcrs(orbit.Epochs(start_utc, time_s))
@@ -45,7 +54,8 @@ def build_globe(title: str, start_utc: datetime.datetime, targets: list[str], pl
     ends = orbit.Epochs(start_utc, np.array([0.0, time_s[-1]]))
     start, end = ends.skyfield_time().utc_iso(places=6)
     lines = [("follower", name) for name in targets]
-    return build_packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
+    packets = build_packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
+    return write_czml(path, packets)
 
 
 def _to_quaternion(matrix: np.ndarray) -> np.ndarray:

@@ -59,7 +59,6 @@ def _pointing(
 
     Parameters
     ----------
-    scenario, ptu : the scenario, and its PTU with the paths of its files
     numbers : indices (time) of frames
     time_s : times (time) of the frames [s]
     """
@@ -70,14 +69,7 @@ def _pointing(
 
 
 def tabulate_run(scenario: Scenario, truth: Truth, angles: tuple[PtuAngles, ...] = ()) -> dict[str, np.ndarray]:
-    """Tabulate the truth of a run as columns (time) by name, as `tabulate_truth` names them.
-
-    Parameters
-    ----------
-    scenario : what was flown
-    truth : batch over the frames
-    angles : of the PTU, one for each frame
-    """
+    """Tabulate the truth of a run as columns (time) by name, as `tabulate_truth` names them."""
     return tabulate_truth(
         truth, [target.name for target in scenario.target], format_utc(scenario, truth.time_s), angles
     )
@@ -107,8 +99,6 @@ def sample_between_impulses(
 
     Parameters
     ----------
-    scenario : what is flown
-    name : of the body
     time_s : (time) ascending times [s since start_utc]
 
     Returns

@@ -85,8 +85,6 @@ def find_opportunities(
 
     Parameters
     ----------
-    scenario : what is flown
-    truth : batch over epochs
     rows : indices of the epochs
     target : index of the target
     box_pixels : (time) area of all targets' bounds in the field, which determines the grid of rays [pixels]
@@ -114,7 +112,6 @@ def _evaluate_flash(
     ----------
     scenario, truth, target : the scenario, the truth of one epoch, and the index of the target
     finest : greatest number of rays along the side of a pixel
-    curve : detection probability of a pixel by its photons
     """
     lidar = scenario.instrument.at(truth.time_s)
     seen = cast_surfaces(lidar, scenario.surfaces, truth, target, finest)

@@ -23,8 +23,6 @@ def tabulate_sky(scenario: Scenario, truth: Truth, frames: np.ndarray) -> dict[s
 
     Parameters
     ----------
-    scenario : what is flown
-    truth : batch over the frames, with the lidar in it
     frames : (time) indices of the frames
 
     Returns
@@ -48,11 +46,6 @@ def tabulate_sky(scenario: Scenario, truth: Truth, frames: np.ndarray) -> dict[s
 
 def find_sky_light(scenario: Scenario, truth: Truth) -> np.ndarray:
     """Return the stray light of Sun, Earth and Moon in a pixel on the boresight, and the brightest pixel of their images.
-
-    Parameters
-    ----------
-    scenario : what is flown, with glare
-    truth : one epoch, with the lidar in it
 
     Returns
     -------

@@ -39,8 +39,6 @@ def timeline_figure(
     ----------
     table : columns (time) by name, as `rso_lidar.timeline` makes them; without a Sun or a PTU their panels are left
         out
-    target : name of the target
-    title : of the figure
     half_field_rad : half the side of the field of view [rad]
     travel_rad : limits of pan and of tilt [rad], drawn where finite and near
     max_rate_rad_s : greatest rate of the PTU [rad/s], drawn where near

@@ -9,9 +9,9 @@ import numpy as np
 
 from rso_lidar import orbit, picture
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.export import choose_samples, write_czml
 from rso_lidar.files import check_writable, write_columns
-from rso_lidar.mission_analysis.time_history.globe import build_globe
+from rso_lidar.mission_analysis.time_history.czml import choose_globe_samples
+from rso_lidar.mission_analysis.time_history.globe import write_globe
 from rso_lidar.mission_analysis.time_history.open_loop import (
     find_mission_plan,
     find_umbras,
@@ -83,9 +83,9 @@ def save_truth(
     if scenario.is_local:
         raise ScenarioError(f"{output.name}: a local world has no Earth to give positions about; write a .csv")
     if suffix == ".czml":
-        place, _ = fly_open_loop(scenario, frames[choose_samples(frames.size)])
+        place, _ = fly_open_loop(scenario, frames[choose_globe_samples(frames.size)])
         targets = [target.name for target in scenario.target]
-        write_czml(output, build_globe(scenario.name, scenario.time.start_utc, targets, place))
+        write_globe(output, scenario.name, scenario.time.start_utc, targets, place)
     else:
         _write_ephemeris(scenario, output, suffix, body, frames)
     return output

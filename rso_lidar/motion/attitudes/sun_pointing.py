@@ -181,10 +181,7 @@ def _refuse(situation: Situation, bad: np.ndarray, what: str, cure: str) -> None
 
     Parameters
     ----------
-    situation : of the body
     bad : mask (time) of these epochs
-    what : what is undetermined, for the message
-    cure : what to do, for the message
 
     Raises
     ------

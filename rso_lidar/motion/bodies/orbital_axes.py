@@ -32,8 +32,6 @@ def link_orbit(motion: Any, epochs: Epochs, place: Place, center: BodyState | No
 
     Parameters
     ----------
-    motion : of the body
-    epochs : instants
     place : position and velocity of the body's origin in root axes
     center : state of the centre about which it orbits; None for the Earth, which is the origin
     turns : whether the rotation of the orbital plane is needed
@@ -56,7 +54,6 @@ def find_turning_rad_s(
 
     Parameters
     ----------
-    state, chief : states of the body and of its chief about the centre of their central body
     place : motion in the chief's rtn axes, with its rates
     there : link from the root to these axes
     center, central_body : state of that centre, None for the Earth, and the body itself
@@ -113,9 +110,7 @@ def list_breaks_s(
 
     Parameters
     ----------
-    bodies : the bodies, with the chiefs relative to which they move
     epochs : instants that matter
-    make_chief : returns the trajectory of one of them, by its name
     """
     breaks = [np.empty(0)]
     for motion in (body.motion for body in bodies):

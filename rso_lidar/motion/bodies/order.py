@@ -91,8 +91,6 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
 
     Parameters
     ----------
-    body : the body
-    by_name : all bodies
     local : whether the world is local, without an Earth
 
     Returns
@@ -148,13 +146,7 @@ def find_center_of_body(body: Body, by_name: Mapping[str, Body]) -> CentralBody:
 
 
 def find_first_chief(body: Body, by_name: Mapping[str, Body]) -> Body:
-    """Return the body at the begin of a chain of chiefs, whose motion is relative to no other.
-
-    Parameters
-    ----------
-    body : the end of the chain
-    by_name : all bodies
-    """
+    """Return the body at the begin of a chain of chiefs, whose motion is relative to no other."""
     seen = {body.name}
     while (relative_to := get_chief_name(body.motion)) in by_name and relative_to not in seen:
         body = by_name[str(relative_to)]
@@ -167,8 +159,6 @@ def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body]
 
     Parameters
     ----------
-    body : the body
-    by_name : all bodies
     hosts : body of each name of declared axes
     local : whether the world is local, without an Earth
 
@@ -202,7 +192,6 @@ def _find_target_axes(at: str, body: Body, by_name: dict[str, Body], hosts: dict
     ----------
     at : name of a body, or of axes that a body declares
     body : the one that looks
-    by_name : all bodies
     hosts : body of each name of declared axes
 
     Returns

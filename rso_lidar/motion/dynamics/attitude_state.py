@@ -49,8 +49,6 @@ def attitude_from_state(
     Parameters
     ----------
     state : rows (time, n) that begin with an attitude and the body rates
-    attitude_state : representation of the attitude
-    label : of the dynamics, for messages
     time_s : instants (time) of the rows [s], for messages
 
     Returns

@@ -72,7 +72,6 @@ def check_inputs(inputs: np.ndarray, held: np.ndarray, label: str) -> np.ndarray
     ----------
     inputs : given (m,)
     held : those in force (m,)
-    label : of the model, for messages
 
     Returns
     -------

@@ -240,8 +240,6 @@ def _find_history(dump: str, kind: type[FmuDynamics], _stamp: tuple[int, int]) -
 
     Parameters
     ----------
-    dump : the part as JSON
-    kind : class of the part
     _stamp : modification time and size of the file, a key of the cache
     """
     return FmuHistory(kind.model_validate_json(dump))
@@ -255,7 +253,6 @@ def interpolate_cubic(
     Parameters
     ----------
     before, after : values (time, n) at the ends of a step
-    rates : their rates there
     share : of the step that has passed (time,)
     step_s : length of the step [s]
 

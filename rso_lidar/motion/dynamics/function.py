@@ -86,7 +86,6 @@ def wrap_dynamics(function: Function, label: str, n: int, answer: str = "") -> F
     Parameters
     ----------
     function : f(t, x, u)
-    label : of the function, for messages
     n : entries of the result, which must be (n,) finite numbers
     answer : what the result has to be, for messages (empty: the derivatives)
 
@@ -199,7 +198,6 @@ def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
 
     Parameters
     ----------
-    path : of the file
     _modified_ns, _size : modification time and size of the file, the key of the cache
 
     Returns

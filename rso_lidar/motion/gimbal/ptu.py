@@ -279,7 +279,6 @@ def _find_demanded(demand: Demand, command: Command, time_s: float) -> Pair:
     Parameters
     ----------
     demand : of the scenario, evaluated for the axes without a command only
-    command : the command
     time_s : instant [s]
     """
     if command.pan_rad is not None and command.tilt_rad is not None:
@@ -295,12 +294,6 @@ def _apply_command(angles: np.ndarray, command: Command) -> np.ndarray:
 
 def _select_commands(state: PtuState, command: Command, latency: int) -> tuple[tuple[int, Command], ...]:
     """List the commands that still matter from the state's tick on, the new one last.
-
-    Parameters
-    ----------
-    state : at the instant of the new command
-    command : the new one
-    latency : ticks until the drive obeys a command
 
     Returns
     -------
@@ -327,10 +320,6 @@ def _sample_demand(
 
     Parameters
     ----------
-    demand : of the scenario
-    commands : each with the first tick at which the drive obeys it
-    first, end : first tick, and the one after the last
-    latency : ticks until a demand reaches the drive
     travel : lower and upper limits of pan and of tilt [rad]
 
     Returns
@@ -363,11 +352,7 @@ def _follow_demand(
 
     Parameters
     ----------
-    response : the drive
-    demand : of the scenario
-    commands : each with the first tick at which the drive obeys it
     time_s : instant [s]
-    latency : ticks until a demand reaches the drive
 
     Returns
     -------

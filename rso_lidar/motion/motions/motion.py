@@ -179,13 +179,7 @@ def _row_products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def list_exceeded_limits(motion: Any, *known: Any) -> list[str]:
-    """List the limits of its model that a motion exceeds, one sentence each; by default none.
-
-    Parameters
-    ----------
-    motion : any motion
-    known : the epochs, and for a relative motion its chief
-    """
+    """List the limits of its model that a motion exceeds, one sentence each; by default none."""
     return check_lines(motion, "validity", call_member(motion, "validity", *known, default=[]))
 
 

@@ -185,7 +185,6 @@ def _read_file(path: Path, _modified_ns: int, _size: int) -> TableRows:
 
     Parameters
     ----------
-    path : of the file
     _modified_ns, _size : modification time and size of the file, the key of the cache
 
     Returns

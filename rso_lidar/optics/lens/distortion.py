@@ -46,7 +46,7 @@ class DistortionPart(Part):
 
         Parameters
         ----------
-        x, y : tangents of the directions.
+        x, y : tangents of the directions
         """
         k1, k2, k3, p1, p2 = self.coefficients
         r2 = x * x + y * y
@@ -61,7 +61,7 @@ class DistortionPart(Part):
 
         Parameters
         ----------
-        xd, yd : image points, tangents.
+        xd, yd : image points, tangents
 
         Returns
         -------
@@ -80,7 +80,7 @@ class DistortionPart(Part):
 
         Parameters
         ----------
-        xd, yd : image points, tangents.
+        xd, yd : image points, tangents
         """
         return self.area_at_direction(*self.undistort(xd, yd))
 
@@ -89,7 +89,7 @@ class DistortionPart(Part):
 
         Parameters
         ----------
-        x, y : tangents of the directions.
+        x, y : tangents of the directions
         """
         xx, xy, yy = self._slopes(x, y)
         seen: np.ndarray = 1.0 / (xx * yy - xy * xy)
@@ -100,7 +100,7 @@ class DistortionPart(Part):
 
         Parameters
         ----------
-        half_x, half_y : half the width and half the height of the focal plane, tangents.
+        half_x, half_y : half the width and half the height of the focal plane, tangents
 
         Raises
         ------
@@ -140,8 +140,8 @@ class DistortionPart(Part):
 
         Parameters
         ----------
-        xd, yd : image points, tangents.
-        x, y : first guess of the directions, tangents.
+        xd, yd : image points, tangents
+        x, y : first guess of the directions, tangents
 
         Returns
         -------
@@ -231,7 +231,7 @@ class ZemaxDistortion(DistortionPart):
 
         Parameters
         ----------
-        half_x, half_y : half the width and half the height of the focal plane, tangents.
+        half_x, half_y : half the width and half the height of the focal plane, tangents
 
         Raises
         ------
@@ -270,7 +270,7 @@ def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
 
     Parameters
     ----------
-    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
 
     Returns
     -------

@@ -86,10 +86,8 @@ def grid_hats(values: np.ndarray, middle: tuple[float, float], spacing_m: float,
 
     Parameters
     ----------
-    values : (row, col) intensities.
-    middle : row and column of the kernel's centre.
-    spacing_m : distance between points of the table.
-    at : the grid of the result, and the angle by which the table is turned.
+    values : (row, col) intensities
+    middle : row and column of the kernel's centre
     """
     spacing = spacing_m / at.step_m
     # Points represent pieces of the squares: an eighth of the step or less, and four to a side unless they are very small.
@@ -116,9 +114,9 @@ def _deposit(hats: np.ndarray, row: np.ndarray, col: np.ndarray, weight: np.ndar
 
     Parameters
     ----------
-    hats : (row, col) hat weights, added to.
-    row, col : (point) positions in steps from the middle.
-    weight : (point).
+    hats : (row, col) hat weights, added to
+    row, col : (point) positions in steps from the middle
+    weight : (point)
     """
     reach, width = hats.shape[0] // 2, hats.shape[1]
     inside = np.flatnonzero((np.abs(row) < reach) & (np.abs(col) < reach))

@@ -64,7 +64,7 @@ class Ghost(Part):
 
         Parameters
         ----------
-        shape : rows and columns of the focal plane.
+        shape : rows and columns of the focal plane
         """
         rows, cols = shape
         if self.offset_pixels is not None:

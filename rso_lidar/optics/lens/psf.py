@@ -59,7 +59,7 @@ class PsfPart(Part):
 
         Parameters
         ----------
-        at : grid on the focal plane, with the width of its hats.
+        at : grid on the focal plane, with the width of its hats
 
         Returns
         -------
@@ -71,7 +71,7 @@ class PsfPart(Part):
 
         Parameters
         ----------
-        at : grid on the focal plane, with the width of its hats.
+        at : grid on the focal plane, with the width of its hats
 
         Returns
         -------
@@ -216,15 +216,11 @@ def pixel_shares(
 
     Parameters
     ----------
-    psf : the point spread function.
-    pitch_m : pixel pitch.
-    sub : sub-cells along each side of a pixel.
-    wavelength_m : wavelength of the light.
-    f_number : focal length over aperture.
-    field_rad : angle from the axis; only a `FieldDependentPsf` depends on it.
-    azimuth_rad : direction of the field point, atan2(y, x) in lidar axes (x right, y down).
-    reach : pixels to each side.
-    margin : 1 adds a sub-cell of the next pixel at both ends of the first two axes, for interpolation; 0 does not.
+    sub : sub-cells along each side of a pixel
+    field_rad : angle from the axis; only a `FieldDependentPsf` depends on it
+    azimuth_rad : direction of the field point, atan2(y, x) in lidar axes (x right, y down)
+    reach : pixels to each side
+    margin : 1 adds a sub-cell of the next pixel at both ends of the first two axes, for interpolation; 0 does not
 
     Returns
     -------
@@ -252,12 +248,10 @@ def find_reach(
 
     Parameters
     ----------
-    psf : the point spread function.
-    pitch_m : pixel pitch [m].
-    wavelength_m : wavelength of the light [m].
-    f_number : focal length over aperture.
-    field_rad, azimuth_rad : field angle and direction, as in `pixel_shares`.
-    missed : share of the light that may land farther.
+    pitch_m : pixel pitch [m]
+    wavelength_m : wavelength of the light [m]
+    field_rad, azimuth_rad : field angle and direction, as in `pixel_shares`
+    missed : share of the light that may land farther
 
     Returns
     -------
@@ -298,8 +292,8 @@ def _shares(
 
     Parameters
     ----------
-    psf, pitch_m, sub, wavelength_m, f_number, field_rad, azimuth_rad, reach, margin : as for `pixel_shares`.
-    _stamped : path and state of each file of the kernel, the key of the cache.
+    psf, pitch_m, sub, wavelength_m, f_number, field_rad, azimuth_rad, reach, margin : as for `pixel_shares`
+    _stamped : path and state of each file of the kernel, the key of the cache
 
     Returns
     -------
@@ -345,7 +339,7 @@ def _within(
 
     Parameters
     ----------
-    psf, _stamped, pitch_m, wavelength_m, f_number, field_rad, azimuth_rad : as for `_shares`.
+    psf, _stamped, pitch_m, wavelength_m, f_number, field_rad, azimuth_rad : as for `_shares`
     """
     at = HatGrid(pitch_m, MOST_REACH, wavelength_m * f_number)
     hats = _hats(psf, at, field_rad, azimuth_rad)
@@ -356,14 +350,7 @@ def _within(
 
 
 def _hats(psf: AnyPsf, at: HatGrid, field_rad: float, azimuth_rad: float) -> np.ndarray:
-    """Return the hat weights (row, col) at a field angle and azimuth.
-
-    Parameters
-    ----------
-    psf : the point spread function.
-    at : the grid of the result.
-    field_rad, azimuth_rad : field angle and direction.
-    """
+    """Return the hat weights (row, col) at a field angle and azimuth."""
     if not isinstance(psf, FieldDependentPsf):
         return psf.hats(at)
     # Towards the top is azimuth -90°, y being down.
@@ -382,7 +369,7 @@ def _table(path: str, _modified_ns: int, _size: int) -> np.ndarray:
 
     Parameters
     ----------
-    path, _modified_ns, _size : the file and its state, as `file_stamp` returns them.
+    path, _modified_ns, _size : the file and its state, as `file_stamp` returns them
 
     Raises
     ------

@@ -34,8 +34,8 @@ class Baffle(Part):
 
         Parameters
         ----------
-        angle_rad : (…) angle of the source from the boresight [rad].
-        aperture_m : diameter of the lens [m].
+        angle_rad : (…) angle of the source from the boresight [rad]
+        aperture_m : diameter of the lens [m]
         """
         lens, opening = 0.5 * aperture_m, 0.5 * self.diameter_mm * units.MM
         apart = self.length_mm * units.MM * np.tan(np.minimum(angle_rad, 0.5 * math.pi - 1e-6))
@@ -119,7 +119,7 @@ class Glare(Part):
 
         Parameters
         ----------
-        shift : (…) difference |β − β₀| of the direction cosines of scattered and incoming light.
+        shift : (…) difference |β − β₀| of the direction cosines of scattered and incoming light
         """
         scatter: np.ndarray = (
             self.surfaces * self.peak_per_sr * (1.0 + (shift / self.knee_sine) ** 2) ** (0.5 * self.slope)
@@ -131,8 +131,8 @@ class Glare(Part):
 
         Parameters
         ----------
-        angle_rad : (…) angle of the source from the boresight [rad].
-        f_number, transmission : of the lens.
+        angle_rad : (…) angle of the source from the boresight [rad]
+        f_number, transmission : of the lens
         """
         angle = np.asarray(angle_rad, dtype=float)
         gathered = transmission * math.pi / (4.0 * f_number**2)

@@ -56,10 +56,10 @@ class AdaptiveSampling:
 
         Parameters
         ----------
-        receiver, laser : the instrument.
-        extent, contours : where targets and their contours are in the image.
+        receiver, laser : the instrument
+        extent, contours : where targets and their contours are in the image
         is_textured : whether light changes inside facets, as on crinkled foil. Then all cells of a pixel are divided
-            together: to divide those that glitter would bias the pixel's light.
+            together: to divide those that glitter would bias the pixel's light
         """
         self._is_textured = is_textured
         self._receiver, self._shape = receiver, receiver.shape
@@ -97,8 +97,8 @@ class AdaptiveSampling:
 
         Parameters
         ----------
-        hits : hits of the last rays.
-        photons : (hit) expected photons of a whole pixel that is as bright as the hit.
+        hits : hits of the last rays
+        photons : (hit) expected photons of a whole pixel that is as bright as the hit
         """
         met = self._fresh[hits.ray]
         self._light[met], self._is_hit[met] = photons, True
@@ -173,11 +173,6 @@ class AdaptiveSampling:
 def _plan_cells(receiver: Receiver, laser: Laser, extent: Extent) -> tuple[np.ndarray, np.ndarray]:
     """Plan the cells of the first round.
 
-    Parameters
-    ----------
-    receiver, laser : the instrument.
-    extent : where targets are.
-
     Returns
     -------
     Bounds (target, low_high, row_col) of the targets, where the beam may light them, in coarse cells; and the level of each
@@ -201,8 +196,7 @@ def _reach(laser: Laser, receiver: Receiver, fineness: int) -> float:
 
     Parameters
     ----------
-    laser, receiver : the instrument.
-    fineness : cells along the side of a coarse cell.
+    fineness : cells along the side of a coarse cell
     """
     if laser.footprint == "gaussian":
         return _GAUSSIAN_REACH * laser.half_width_tangent
@@ -225,8 +219,7 @@ def _find_contour_images(receiver: Receiver, laser: Laser, contours: Contours) -
 
     Parameters
     ----------
-    receiver, laser : the instrument.
-    contours : contours in the tangent plane.
+    contours : contours in the tangent plane
 
     Returns
     -------

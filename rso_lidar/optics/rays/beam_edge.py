@@ -19,9 +19,9 @@ def clip_to_beam(
 
     Parameters
     ----------
-    direction, pixel, weight : rays, as in `Rays`.
-    laser : a laser at the lens, with a footprint that has an edge.
-    receiver : gives the size of the cells.
+    direction, pixel, weight : rays, as in `Rays`
+    laser : a laser at the lens, with a footprint that has an edge
+    receiver : gives the size of the cells
 
     Returns
     -------
@@ -56,8 +56,7 @@ def _clip_to_square(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: 
 
     Parameters
     ----------
-    x, y, half_cell : (cell) middle and half the side, in the tangent plane.
-    reach : half the side of the footprint.
+    x, y, half_cell : (cell) middle and half the side, in the tangent plane
     """
     (left, right), (top, bottom) = (
         (np.maximum(v - half_cell, -reach), np.minimum(v + half_cell, reach)) for v in (x, y)
@@ -71,8 +70,7 @@ def _clip_to_circle(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: 
 
     Parameters
     ----------
-    x, y, half_cell : (cell) middle and half the side, in the tangent plane.
-    reach : radius of the footprint.
+    x, y, half_cell : (cell) middle and half the side, in the tangent plane
     """
     radius, half_diagonal = np.hypot(x, y), math.sqrt(2.0) * half_cell
     share = (radius < reach).astype(float)

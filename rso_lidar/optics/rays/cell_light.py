@@ -39,14 +39,13 @@ def estimate_variance(
 
     Parameters
     ----------
-    root, first_row, first_col, nodes : the trees.
-    chosen : numbers of the cells.
-    light : (node) photons that a whole pixel would get, if all of it were as bright as the cell's ray.
-    is_hit : (node) whether the cell's ray meets a target.
-    k : coarse cells along each side of a pixel.
-    variance : (node), written.
-    least_step : (node) photons in a whole pixel, written. 0 beside the sky: there every contour counts.
-    brightest : (node) light of the brightest of the cell and its neighbours, written.
+    chosen : numbers of the cells
+    light : (node) photons that a whole pixel would get, if all of it were as bright as the cell's ray
+    is_hit : (node) whether the cell's ray meets a target
+    k : coarse cells along each side of a pixel
+    variance : (node), written
+    least_step : (node) photons in a whole pixel, written. 0 beside the sky: there every contour counts
+    brightest : (node) light of the brightest of the cell and its neighbours, written
     """
     for i in range(len(chosen)):
         node = chosen[i]
@@ -99,13 +98,12 @@ def mark_crossed(
 
     Parameters
     ----------
-    root, first_row, first_col, nodes : the trees.
-    ends : (contour, 4) column and row of the first end, then of the second, on the focal plane [pixels].
-    steps : (contour) photons in a whole pixel; negative for one that counts everywhere.
-    is_active : (contour), whether to follow it; written: whether it crosses a leaf where it counts.
-    cells_per_pixel : coarse cells along each side of a pixel.
-    least_step : (node) the least step that counts.
-    step : (node), the greatest step of the contours that cross a leaf and count there; written.
+    ends : (contour, 4) column and row of the first end, then of the second, on the focal plane [pixels]
+    steps : (contour) photons in a whole pixel; negative for one that counts everywhere
+    is_active : (contour), whether to follow it; written: whether it crosses a leaf where it counts
+    cells_per_pixel : coarse cells along each side of a pixel
+    least_step : (node) the least step that counts
+    step : (node), the greatest step of the contours that cross a leaf and count there; written
     """
     height, width = root.shape
     stack, part = np.empty(_STACK, np.int64), np.empty((_STACK, 2))
@@ -159,9 +157,7 @@ def clip_line(start: float, by: float, high: float, begin: float, end: float) ->
 
     Parameters
     ----------
-    start, by : coordinate of the line's start, and how much it changes over the line.
-    high : the upper bound.
-    begin, end : part of the line so far; begin > end for none.
+    begin, end : part of the line so far; begin > end for none
     """
     if by == 0.0:
         return (begin, end) if 0.0 <= start < high else (1.0, 0.0)
@@ -187,10 +183,7 @@ def enter_children(
 
     Parameters
     ----------
-    nodes, node : table of nodes, and a divided node.
-    x, y, across, along : start of the contour, and its way to the end [coarse cells].
-    enter, leave : the part of the contour in the node.
-    stack, part, count : nodes to visit, the part of the contour in each, and their number so far.
+    x, y, across, along : start of the contour, and its way to the end [coarse cells]
     """
     side = SIDES[nodes[node, LEVEL] + 1]
     left, top = 3 * nodes[node, COL], 3 * nodes[node, ROW]
@@ -226,11 +219,10 @@ def settle_variance(
 
     Parameters
     ----------
-    nodes : table of nodes.
-    chosen : numbers of the cells.
-    k : coarse cells along each side of a pixel.
-    least_step, step : (node) as `mark_crossed` leaves them.
-    variance : (node), written.
+    chosen : numbers of the cells
+    k : coarse cells along each side of a pixel
+    least_step, step : (node) as `mark_crossed` leaves them
+    variance : (node), written
     """
     for i in range(len(chosen)):
         node = chosen[i]
@@ -249,10 +241,9 @@ def sum_pixels(
 
     Parameters
     ----------
-    nodes, leaves : table of nodes, and the leaves pixel by pixel.
-    light, variance : (node) photons in a whole pixel as bright as the cell, and variance of the cell's photons.
-    k : coarse cells along each side of a pixel.
-    n_cols : columns of pixels.
+    light, variance : (node) photons in a whole pixel as bright as the cell, and variance of the cell's photons
+    k : coarse cells along each side of a pixel
+    n_cols : columns of pixels
 
     Returns
     -------
@@ -298,12 +289,12 @@ def choose_cells(
 
     Parameters
     ----------
-    starts, leaves : leaves pixel by pixel, and where each pixel's begin.
-    variance : (node).
-    bound : (pixel) least variance of a cell that is divided.
+    starts, leaves : leaves pixel by pixel, and where each pixel's begin
+    variance : (node)
+    bound : (pixel) least variance of a cell that is divided
     order : pixels that are not known well enough, the most urgent first. All such cells of a pixel are divided, or none:
-        to choose among them by what their rays have met would bias the pixel's light.
-    most : number of cells at most.
+        to choose among them by what their rays have met would bias the pixel's light
+    most : number of cells at most
     """
     is_chosen, count = np.zeros(len(bound), np.bool_), 0
     for p in order:

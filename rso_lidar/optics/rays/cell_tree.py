@@ -48,11 +48,11 @@ def plant_cells(boxes: np.ndarray, levels: np.ndarray, outlines: Outlines, k: in
 
     Parameters
     ----------
-    boxes : (target, low_high, row_col) bounds of targets in coarse cells.
-    levels : (target) as `find_levels` returns them.
-    outlines : outlines of all targets in coarse cells.
-    k : coarse cells along each side of a pixel.
-    shape : rows and columns of pixels of the focal plane.
+    boxes : (target, low_high, row_col) bounds of targets in coarse cells
+    levels : (target) as `find_levels` returns them
+    outlines : outlines of all targets in coarse cells
+    k : coarse cells along each side of a pixel
+    shape : rows and columns of pixels of the focal plane
     """
     return CellTree(*plant_roots(boxes, levels, *outlines, k, *shape))
 
@@ -73,10 +73,10 @@ def plant_roots(
 
     Parameters
     ----------
-    boxes, levels : (target, low_high, row_col) bounds in coarse cells, and level of the cells of each target.
-    corners, starts, off, outlines_of : outlines of all targets, as in `cells.Outlines`.
-    k : coarse cells along each side of a pixel.
-    n_rows, n_cols : pixels of the focal plane.
+    boxes, levels : (target, low_high, row_col) bounds in coarse cells, and level of the cells of each target
+    corners, starts, off, outlines_of : outlines of all targets, as in `cells.Outlines`
+    k : coarse cells along each side of a pixel
+    n_rows, n_cols : pixels of the focal plane
 
     Returns
     -------
@@ -148,9 +148,8 @@ def insert_cell(
 
     Parameters
     ----------
-    root, top, left : the window of coarse cells; new roots are written.
-    nodes, n : table of nodes with room for more, and how many there are.
-    level, row, col : the cell.
+    root, top, left : the window of coarse cells; new roots are written
+    level, row, col : the cell
 
     Returns
     -------
@@ -183,10 +182,9 @@ def add_children(nodes: np.ndarray, node: int, first: int, state: int) -> None:
 
     Parameters
     ----------
-    nodes : table of nodes, written.
-    node : the node that is divided.
-    first : number of the first child.
-    state : of the children, LEAF or ABSENT.
+    nodes : table of nodes, written
+    node : the node that is divided
+    first : number of the first child
     """
     nodes[node, CHILD] = first
     for j in range(9):
@@ -220,8 +218,7 @@ def divide_cells(nodes: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    nodes : table of nodes.
-    chosen : numbers of the leaves. The children of leaf i begin at ``len(nodes) + 9 * i``.
+    chosen : numbers of the leaves. The children of leaf i begin at ``len(nodes) + 9 * i``
     """
     n = len(nodes)
     larger = np.empty((n + 9 * len(chosen), 4), np.int64)
@@ -237,8 +234,7 @@ def list_leaves(root: np.ndarray, nodes: np.ndarray, k: int) -> np.ndarray:
 
     Parameters
     ----------
-    root, nodes : the trees.
-    k : coarse cells along each side of a pixel.
+    k : coarse cells along each side of a pixel
     """
     leaves, n = np.empty(len(nodes), np.int32), 0
     stack = np.empty(_STACK, np.int64)
@@ -273,10 +269,9 @@ def place_rays(nodes: np.ndarray, chosen: np.ndarray, k: int, n_cols: int) -> tu
 
     Parameters
     ----------
-    nodes : table of nodes.
-    chosen : numbers of the cells.
-    k : coarse cells along each side of a pixel.
-    n_cols : columns of pixels.
+    chosen : numbers of the cells
+    k : coarse cells along each side of a pixel
+    n_cols : columns of pixels
     """
     n = len(chosen)
     point, pixel, weight = np.empty((2, n)), np.empty(n, np.int32), np.empty(n)
@@ -297,8 +292,7 @@ def find_leaf(
 
     Parameters
     ----------
-    root, first_row, first_col, nodes : the trees.
-    level, row, col : the cell, which need not exist.
+    level, row, col : the cell, which need not exist
     """
     # In floats, which divide faster than integers; halves keep the quotients away from whole numbers.
     if level == 0:

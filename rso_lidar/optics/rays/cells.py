@@ -34,9 +34,8 @@ def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarr
 
     Parameters
     ----------
-    receiver : the lens and the focal plane.
-    extent : bounds of the targets in the tangent plane.
-    reach : what lies farther from the boresight, in the tangent plane, does not count.
+    extent : bounds of the targets in the tangent plane
+    reach : what lies farther from the boresight, in the tangent plane, does not count
     """
     if receiver.distortion is None:
         k, (n_rows, n_cols) = receiver.rays_per_side, receiver.shape
@@ -66,10 +65,10 @@ def straight_boxes(
 
     Parameters
     ----------
-    low, high : (target, right_down) bounds in the tangent plane.
-    reach : what lies farther from the boresight, in the tangent plane, does not count.
-    scale : cells per unit of the tangent plane.
-    half_rows, half_cols : row and column of the boresight [cells].
+    low, high : (target, right_down) bounds in the tangent plane
+    reach : what lies farther from the boresight, in the tangent plane, does not count
+    scale : cells per unit of the tangent plane
+    half_rows, half_cols : row and column of the boresight [cells]
     """
     boxes = np.empty((len(low), 2, 2))
     for t in range(len(low)):
@@ -119,8 +118,7 @@ def _middles(receiver: Receiver, first: int, last: int) -> tuple[np.ndarray, np.
 
     Parameters
     ----------
-    receiver : gives the grid.
-    first, last : first row of pixels and one past the last.
+    first, last : first row of pixels and one past the last
     """
     k = receiver.rays_per_side
     return ((np.arange(receiver.n_cols * k) + 0.5) / k)[None, :], ((np.arange(first * k, last * k) + 0.5) / k)[:, None]
@@ -187,9 +185,8 @@ def _bend_outlines(corners: np.ndarray, starts: np.ndarray, receiver: Receiver) 
 
     Parameters
     ----------
-    corners : (corner, right_down) of all outlines.
-    starts : first corner of each outline, and the number of corners last.
-    receiver : a receiver with distortion.
+    corners : (corner, right_down) of all outlines
+    starts : first corner of each outline, and the number of corners last
 
     Returns
     -------
@@ -223,8 +220,8 @@ def _clip_edge(outline: np.ndarray, axis: int, side: float, edge: float) -> np.n
 
     Parameters
     ----------
-    outline : (corner, right_down).
-    axis, side, edge : the part with side * coordinate[axis] <= edge is kept.
+    outline : (corner, right_down)
+    axis, side, edge : the part with side * coordinate[axis] <= edge is kept
     """
     if not len(outline):
         return outline

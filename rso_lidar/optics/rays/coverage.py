@@ -20,8 +20,8 @@ def find_fineness(boxes: np.ndarray, wanted: int) -> np.ndarray:
 
     Parameters
     ----------
-    boxes : (target, low_high, row_col) bounds of targets in cells.
-    wanted : least number of rays within a target's bounds; 0 refines nothing.
+    boxes : (target, low_high, row_col) bounds of targets in cells
+    wanted : least number of rays within a target's bounds; 0 refines nothing
 
     Returns
     -------
@@ -63,13 +63,11 @@ def cover(
 
     Parameters
     ----------
-    block : (row, col) i2, parts of cells, written to.
-    value : what to write.
-    origin : row and column of the block's first part.
-    rows, cols : first part and one past the last that may be written.
-    grid : parts along each side of a cell.
-    corners, starts, off : outlines, as in `cells.Outlines`.
-    first, last : first outline and one past the last.
+    block : (row, col) i2, parts of cells, written to
+    origin : row and column of the block's first part
+    rows, cols : first part and one past the last that may be written
+    grid : parts along each side of a cell
+    corners, starts, off : outlines, as in `cells.Outlines`
     """
     height = max(0, rows[1] - rows[0])
     left, right = np.full(height, np.inf), np.full(height, -np.inf)
@@ -107,8 +105,8 @@ def find_spans(boxes: np.ndarray, n_rows: int, n_cols: int) -> np.ndarray:
 
     Parameters
     ----------
-    boxes : (target, low_high, row_col) in cells; empty where low > high.
-    n_rows, n_cols : cells of the focal plane.
+    boxes : (target, low_high, row_col) in cells; empty where low > high
+    n_rows, n_cols : cells of the focal plane
 
     Returns
     -------
@@ -131,8 +129,8 @@ def find_window(spans: np.ndarray, k: int) -> tuple[int, int, int, int]:
 
     Parameters
     ----------
-    spans : (target, 4) as `find_spans` returns them. Without any the window is empty.
-    k : cells along each side of a pixel.
+    spans : (target, 4) as `find_spans` returns them. Without any the window is empty
+    k : cells along each side of a pixel
     """
     top, bottom, left, right = 2**62, 0, 2**62, 0
     for t in range(len(spans)):
@@ -158,11 +156,11 @@ def find_owners(
 
     Parameters
     ----------
-    boxes : (target, low_high, row_col) bounds of targets in cells.
-    fineness : (target) parts along each side of a cell.
-    corners, starts, off, outlines_of : outlines of all targets, as in `cells.Outlines`.
-    k : cells along each side of a pixel.
-    n_rows, n_cols : pixels of the focal plane.
+    boxes : (target, low_high, row_col) bounds of targets in cells
+    fineness : (target) parts along each side of a cell
+    corners, starts, off, outlines_of : outlines of all targets, as in `cells.Outlines`
+    k : cells along each side of a pixel
+    n_rows, n_cols : pixels of the focal plane
 
     Returns
     -------
@@ -205,9 +203,9 @@ def clip_to_parts(low: float, high: float, first: float, last: float, grid: int)
 
     Parameters
     ----------
-    low, high : bounds [cells].
-    first, last : edges [cells].
-    grid : parts along each side of a cell.
+    low, high : bounds [cells]
+    first, last : edges [cells]
+    grid : parts along each side of a cell
     """
     begin = min(max(low, first, -BEYOND), BEYOND)
     end = min(max(min(high, last), -BEYOND), BEYOND)
@@ -241,12 +239,12 @@ def mark_parts(
 
     Parameters
     ----------
-    boxes : (target, low_high, row_col) bounds of targets in cells.
-    fineness : (target) parts along each side of a cell.
-    corners, starts, off, outlines_of : outlines of all targets, as in `cells.Outlines`.
-    owner, first_row, first_col : as `find_owners` returns them.
-    k : cells along each side of a pixel.
-    n_rows, n_cols : pixels of the focal plane.
+    boxes : (target, low_high, row_col) bounds of targets in cells
+    fineness : (target) parts along each side of a cell
+    corners, starts, off, outlines_of : outlines of all targets, as in `cells.Outlines`
+    owner, first_row, first_col : as `find_owners` returns them
+    k : cells along each side of a pixel
+    n_rows, n_cols : pixels of the focal plane
 
     Returns
     -------
@@ -308,10 +306,10 @@ def find_parts(boxes: np.ndarray, spans: np.ndarray, t: int, s: int, grid: int, 
 
     Parameters
     ----------
-    boxes, spans : bounds of targets in cells, and the cells that they touch.
-    t, s : the refined target, and any target that may show there.
-    grid : parts along each side of a cell; where it is finer than `step`, only those about the bounds of t count.
-    step : parts along each side of a cell of the coarser of t's grids.
+    boxes, spans : bounds of targets in cells, and the cells that they touch
+    t, s : the refined target, and any target that may show there
+    grid : parts along each side of a cell; where it is finer than `step`, only those about the bounds of t count
+    step : parts along each side of a cell of the coarser of t's grids
     """
     top, bottom = float(spans[t, 0]), float(spans[t, 1])
     left, right = float(spans[t, 2]), float(spans[t, 3])

@@ -18,9 +18,9 @@ def estimate_grid_variance(hits: Hits, photons: np.ndarray, receiver: Receiver) 
 
     Parameters
     ----------
-    hits : hits of a fixed grid of rays.
-    photons : (hit) expected photons of a whole pixel that is as bright as the hit.
-    receiver : the lens and the focal plane.
+    hits : hits of a fixed grid of rays
+    photons : (hit) expected photons of a whole pixel that is as bright as the hit
+    receiver : the lens and the focal plane
     """
     rays = hits.rays
     light = np.zeros(len(rays.pixel))
@@ -40,10 +40,10 @@ def sum_squared_bends(
 
     Parameters
     ----------
-    pixel, weight : (ray), ordered by pixel.
-    col, row : (ray) where rays meet the focal plane [pixels].
-    light : (ray) photons of a whole pixel that is as bright as the ray's hit.
-    variance : (pixel), written.
+    pixel, weight : (ray), ordered by pixel
+    col, row : (ray) where rays meet the focal plane [pixels]
+    light : (ray) photons of a whole pixel that is as bright as the ray's hit
+    variance : (pixel), written
     """
     start, n = 0, len(pixel)
     room = np.zeros(1024)

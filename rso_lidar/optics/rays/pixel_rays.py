@@ -26,9 +26,9 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
 
     Parameters
     ----------
-    receiver : the lens and the focal plane.
-    laser : gives the footprint.
-    extent : where targets can be.
+    receiver : the lens and the focal plane
+    laser : gives the footprint
+    extent : where targets can be
 
     Returns
     -------
@@ -68,9 +68,8 @@ def _rays(
 
     Parameters
     ----------
-    receiver : the lens and the focal plane.
-    owner, first_row, first_col, single : as `coverage.find_owners` returns them.
-    blocks, marks : as `coverage.mark_parts` returns them.
+    owner, first_row, first_col, single : as `coverage.find_owners` returns them
+    blocks, marks : as `coverage.mark_parts` returns them
 
     Returns
     -------

@@ -28,13 +28,13 @@ def make_rays(
 
     Parameters
     ----------
-    owner, first_row, first_col, single : as `coverage.find_owners` returns them.
-    blocks, marks : as `coverage.mark_parts` returns them.
-    k : cells along each side of a pixel.
-    n_rows, n_cols : pixels of the focal plane.
-    x_of, y_of : (row, col) tangents of all cells; x with one row and y with one column, for a lens without distortion.
-    pixel_tangent : side of a pixel in the tangent plane.
-    is_bent : whether the lens distorts.
+    owner, first_row, first_col, single : as `coverage.find_owners` returns them
+    blocks, marks : as `coverage.mark_parts` returns them
+    k : cells along each side of a pixel
+    n_rows, n_cols : pixels of the focal plane
+    x_of, y_of : (row, col) tangents of all cells; x with one row and y with one column, for a lens without distortion
+    pixel_tangent : side of a pixel in the tangent plane
+    is_bent : whether the lens distorts
 
     Returns
     -------

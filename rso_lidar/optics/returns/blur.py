@@ -57,11 +57,7 @@ def blur_light(hits: Hits, light: Light, receiver: Receiver, wavelength_m: float
 
     Parameters
     ----------
-    hits : the hits that send the light.
-    light : light before the lens, one return for each lit hit, ordered by pixel.
-    receiver : a receiver with a PSF.
-    wavelength_m : of the laser.
-    pulse_fwhm_s : full width of the pulse at half maximum.
+    hits : the hits that send the light
 
     Returns
     -------
@@ -111,10 +107,8 @@ def blur_sunlight(hits: Hits, rate_per_s: np.ndarray, receiver: Receiver, wavele
 
     Parameters
     ----------
-    hits : the hits that send the light.
-    rate_per_s : (hit) photons per second of each.
-    receiver : a receiver with a PSF.
-    wavelength_m : of the laser, in whose band the sunlight is.
+    hits : the hits that send the light
+    rate_per_s : (hit) photons per second of each
 
     Returns
     -------
@@ -138,11 +132,9 @@ def blur_steady_light(
 
     Parameters
     ----------
-    pixel, rate_per_s : (source) pixel, and photons per second.
-    place : (source) where in its pixel each source is, from the upper edge and from the left one [pixels].
-    side : sub-cells along each side of a pixel.
-    receiver : a receiver with a PSF.
-    wavelength_m : of the light.
+    pixel, rate_per_s : (source) pixel, and photons per second
+    place : (source) where in its pixel each source is, from the upper edge and from the left one [pixels]
+    side : sub-cells along each side of a pixel
 
     Returns
     -------
@@ -168,9 +160,7 @@ def blur_variance(variance: np.ndarray | None, receiver: Receiver, wavelength_m:
 
     Parameters
     ----------
-    variance : (row, col) before the lens; None if unknown.
-    receiver : with or without a PSF.
-    wavelength_m : of the laser.
+    variance : (row, col) before the lens; None if unknown
     """
     if variance is None or receiver.psf is None:
         return variance
@@ -216,10 +206,10 @@ def _build_kernels(
 
     Parameters
     ----------
-    receiver : one with a `psf`.
-    wavelength_m : of the laser [m].
-    side : number n of the n x n sub-cells of a pixel, 1 or more.
-    zones : indices of the zones to compute, from 0.
+    receiver : one with a `psf`
+    wavelength_m : of the laser [m]
+    side : number n of the n x n sub-cells of a pixel, 1 or more
+    zones : indices of the zones to compute, from 0
 
     Returns
     -------
@@ -241,7 +231,7 @@ def split_core_and_far(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 
     Parameters
     ----------
-    shares : (sub row, sub col, row offset, col offset).
+    shares : (sub row, sub col, row offset, col offset)
 
     Returns
     -------
@@ -274,11 +264,10 @@ def spread_far_light(
 
     Parameters
     ----------
-    sources : light that leaves its pixels.
-    place : (source) where it is to be placed, down and across from the middle of its pixel [pixels].
-    far : (row, col) kernel, of sum 1.
-    receiver : gives the shape of the focal plane.
-    slab_s : width of a slab of delay [s].
+    sources : light that leaves its pixels
+    place : (source) where it is to be placed, down and across from the middle of its pixel [pixels]
+    far : (row, col) kernel, of sum 1
+    slab_s : width of a slab of delay [s]
 
     Returns
     -------
@@ -311,10 +300,8 @@ def zone_shares(receiver: Receiver, wavelength_m: float, side: int, zone: int) -
 
     Parameters
     ----------
-    receiver : a receiver with a PSF.
-    wavelength_m : of the laser.
-    side : sub-cells along each side of a pixel.
-    zone : number of the zone; 0 where the PSF is the same over the field.
+    side : sub-cells along each side of a pixel
+    zone : number of the zone; 0 where the PSF is the same over the field
     """
     if not isinstance(receiver.psf, FieldDependentPsf):
         return _shares(receiver, wavelength_m, side, 0.0, 0.0)
@@ -329,10 +316,7 @@ def _shares(receiver: Receiver, wavelength_m: float, side: int, field_rad: float
 
     Parameters
     ----------
-    receiver : a receiver with a PSF.
-    wavelength_m : of the laser.
-    side : sub-cells along each side of a pixel.
-    field_rad, azimuth_rad : angle from the axis, and its direction.
+    side : sub-cells along each side of a pixel
 
     Returns
     -------
@@ -365,8 +349,8 @@ def read_files(laser: Laser, receiver: Receiver) -> None:
 
     Parameters
     ----------
-    laser : with its pattern or measured pulse.
-    receiver : with its distortion and point spread function.
+    laser : with its pattern or measured pulse
+    receiver : with its distortion and point spread function
     """
     laser.density(np.zeros(1), np.zeros(1))
     _ = laser.pulse, receiver.line_of_sight

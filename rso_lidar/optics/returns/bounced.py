@@ -30,11 +30,9 @@ def add_bounced_light(
 
     Parameters
     ----------
-    light : light of the hits, ordered by pixel.
-    direct : (hit) photons of each hit, lit or not.
-    hits : first facets that rays meet.
-    bounces : paths from these hits to second points.
-    laser, receiver : the instrument.
+    direct : (hit) photons of each hit, lit or not
+    hits : first facets that rays meet
+    bounces : paths from these hits to second points
 
     Returns
     -------
@@ -102,8 +100,7 @@ def _irradiance(point: np.ndarray, laser: Laser) -> tuple[np.ndarray, np.ndarray
 
     Parameters
     ----------
-    point : (path, xyz) in lidar axes [m].
-    laser : the laser, in the lens or beside it.
+    point : (path, xyz) in lidar axes [m]
     """
     x, y, z = (point - np.asarray(laser.offset_m)).T
     distance_m = np.sqrt(x * x + y * y + z * z)
@@ -118,8 +115,7 @@ def _find_pixels(direction: np.ndarray, receiver: Receiver) -> np.ndarray:
 
     Parameters
     ----------
-    direction : unit vectors in lidar axes.
-    receiver : the lens and the focal plane.
+    direction : unit vectors in lidar axes
     """
     pixel = np.full(len(direction), -1, np.int64)
     x, y, z = direction.T
@@ -139,11 +135,11 @@ def find_near_hits(
 
     Parameters
     ----------
-    pixel : (path) i8, -1 for a direction that no pixel sees.
-    direction : (xyz, path) unit vectors.
-    begins : (pixel + 1) where the hits of each pixel begin.
-    ray : (hit) index of the ray.
-    along : (xyz, ray) unit vectors.
+    pixel : (path) i8, -1 for a direction that no pixel sees
+    direction : (xyz, path) unit vectors
+    begins : (pixel + 1) where the hits of each pixel begin
+    ray : (hit) index of the ray
+    along : (xyz, ray) unit vectors
 
     Returns
     -------
@@ -173,10 +169,7 @@ def _depth_spread_s(hits: Hits, at: np.ndarray, share: float, receiver: Receiver
 
     Parameters
     ----------
-    hits : the hits.
-    at : (path) the hit that sends the light.
-    share : of a pixel's area.
-    receiver : gives the pixel's field of view.
+    at : (path) the hit that sends the light
     """
     cosine = np.maximum(hits.cos_incidence[at], _LEAST_COSINE)
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine

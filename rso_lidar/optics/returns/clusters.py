@@ -18,9 +18,9 @@ def find_clusters(
 
     Parameters
     ----------
-    pixel : (return), never falling.
-    delay_s, depth_spread_s : (return).
-    gap_s : the gap that separates clusters.
+    pixel : (return), never falling
+    delay_s, depth_spread_s : (return)
+    gap_s : the gap that separates clusters
 
     Returns
     -------

@@ -17,8 +17,8 @@ def assign_pulses(pulses: int, epochs: int) -> np.ndarray:
 
     Parameters
     ----------
-    pulses : number of pulses.
-    epochs : number of epochs, at most that of pulses.
+    pulses : number of pulses
+    epochs : number of epochs, at most that of pulses
 
     Examples
     --------
@@ -40,9 +40,9 @@ def average_pulses(
 
     Parameters
     ----------
-    seen : hits of each epoch and the light that they send, in order of time.
-    pulses : number of pulses of the frame.
-    jitter : (2, pulse) energy of each pulse over their mean, and its delay beyond their mean [s]; None for none.
+    seen : hits of each epoch and the light that they send, in order of time
+    pulses : number of pulses of the frame
+    jitter : (2, pulse) energy of each pulse over their mean, and its delay beyond their mean [s]; None for none
 
     Returns
     -------
@@ -59,7 +59,7 @@ def _average_epochs(seen: Sequence[tuple[Hits, Photons]], pulses: int) -> tuple[
 
     Parameters
     ----------
-    seen, pulses : as for `average_pulses`.
+    seen, pulses : as for `average_pulses`
     """
     pulse_epoch = assign_pulses(pulses, len(seen))
     shares = np.bincount(pulse_epoch, minlength=len(seen)) / pulses
@@ -72,8 +72,7 @@ def _join_hits(hits: Sequence[Hits], shares: np.ndarray) -> tuple[Hits, list[np.
 
     Parameters
     ----------
-    hits : of each epoch.
-    shares : (epoch) share of the pulses.
+    shares : (epoch) share of the pulses
 
     Returns
     -------
@@ -94,8 +93,7 @@ def _join_rays(rays: Sequence[Rays], shares: np.ndarray) -> tuple[Rays, list[np.
 
     Parameters
     ----------
-    rays : of each epoch.
-    shares : (epoch) share of the pulses.
+    shares : (epoch) share of the pulses
     """
     order = np.argsort(np.concatenate([one.pixel for one in rays]), kind="stable")
     joined = _join_arrays(rays, "ray", order)
@@ -108,9 +106,7 @@ def _join_arrays(records: Sequence[Record], dim: str, order: np.ndarray) -> dict
 
     Parameters
     ----------
-    records : of each epoch, of one class.
-    dim : name of the dimension, the first of the arrays.
-    order : of the joined rows.
+    order : of the joined rows
     """
     joined: dict[str, Any] = {}
     for name, spec in specs(type(records[0])).items():
@@ -134,10 +130,9 @@ def _join_photons(
 
     Parameters
     ----------
-    photons : of each epoch.
-    shares : (epoch) share of the pulses.
-    pulse_epoch : (pulse) epoch of each pulse.
-    hit_number : (epoch) of (hit), new numbers of the hits.
+    shares : (epoch) share of the pulses
+    pulse_epoch : (pulse) epoch of each pulse
+    hit_number : (epoch) of (hit), new numbers of the hits
     """
     order = np.argsort(np.concatenate([one.pixel for one in photons]), kind="stable")
     counts = [len(one.pixel) for one in photons]
@@ -167,8 +162,8 @@ def _average_variance(images: Sequence[np.ndarray | None], shares: np.ndarray) -
 
     Parameters
     ----------
-    images : variance (row, col) of each epoch.
-    shares : (epoch) share of the pulses.
+    images : variance (row, col) of each epoch
+    shares : (epoch) share of the pulses
     """
     return _average(images, shares**2 * math.sqrt(len(shares)))
 

@@ -34,11 +34,11 @@ def collect(
 
     Parameters
     ----------
-    hits : first facets that rays meet.
-    laser : the laser of this pulse.
-    receiver : the lens and the focal plane.
-    late_s : how late the pulse left, against the receiver's clock [s].
-    bounces : paths from these hits to second points (None: light that meets two surfaces is left out).
+    hits : first facets that rays meet
+    laser : the laser of this pulse
+    receiver : the lens and the focal plane
+    late_s : how late the pulse left, against the receiver's clock [s]
+    bounces : paths from these hits to second points (None: light that meets two surfaces is left out)
 
     Returns
     -------
@@ -84,8 +84,8 @@ def pixel_photons(hits: Hits, laser: Laser, receiver: Receiver) -> np.ndarray:
 
     Parameters
     ----------
-    hits : the hits.
-    laser, receiver : the instrument.
+    hits : the hits
+    laser, receiver : the instrument
     """
     light, is_lit = _light_before_lens(hits, laser, receiver)
     photons: np.ndarray = np.where(is_lit, light.photons / hits.weight, 0.0)
@@ -93,25 +93,13 @@ def pixel_photons(hits: Hits, laser: Laser, receiver: Receiver) -> np.ndarray:
 
 
 def _light_before_lens(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
-    """Return the light of each hit before the lens spreads it, and which hits are lit.
-
-    Parameters
-    ----------
-    hits : the hits.
-    laser, receiver : the instrument.
-    """
+    """Return the light of each hit before the lens spreads it, and which hits are lit."""
     has_formula = laser.offset is None and laser.footprint in FOOTPRINTS
     return (_light_of_beam if has_formula else _light_of_any_laser)(hits, laser, receiver)
 
 
 def _light_of_beam(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
-    """Return the light of each hit, and which hits are lit, for a laser at the lens whose beam has a formula.
-
-    Parameters
-    ----------
-    hits : the hits.
-    laser, receiver : the instrument.
-    """
+    """Return the light of each hit, and which hits are lit, for a laser at the lens whose beam has a formula."""
     area = hits.weight
     if receiver.distortion is not None:
         toward = hits.rays.direction[hits.ray]
@@ -154,15 +142,12 @@ def return_light(
 
     Parameters
     ----------
-    ray, weight, range_m, cos_incidence, brdf_per_sr : (hit) fields of `Hits`.
-    direction : (xyz, ray) unit vectors of all rays.
-    area : (hit) area that each ray covers in the tangent plane, in pixels.
-    footprint : SQUARE, CIRCLE or GAUSSIAN.
-    half_width : tangent of half the beam's full angle.
-    density : photons per unit area of the tangent plane, on the axis.
-    gathering_m2 : what of the light before the lens a pixel on the axis gathers.
-    ifov_rad : instantaneous field of view of a pixel.
-    cells_per_pixel : cells of coherence of a pixel on the axis.
+    ray, weight, range_m, cos_incidence, brdf_per_sr : (hit) fields of `Hits`
+    direction : (xyz, ray) unit vectors of all rays
+    area : (hit) area that each ray covers in the tangent plane, in pixels
+    half_width : tangent of half the beam's full angle
+    density : photons per unit area of the tangent plane, on the axis
+    cells_per_pixel : cells of coherence of a pixel on the axis
 
     Returns
     -------
@@ -194,13 +179,7 @@ def return_light(
 
 
 def _light_of_any_laser(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
-    """Return the light of each hit, and which hits are lit, for a measured pattern or a laser beside the lens.
-
-    Parameters
-    ----------
-    hits : the hits.
-    laser, receiver : the instrument.
-    """
+    """Return the light of each hit, and which hits are lit, for a measured pattern or a laser beside the lens."""
     x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
     area = hits.weight
     if receiver.distortion is not None:
@@ -238,9 +217,7 @@ def _density_beside_lens(
 
     Parameters
     ----------
-    hits : the hits.
-    laser : a laser with an offset.
-    x, y, cos_axis : (hit) direction of each hit's ray.
+    x, y, cos_axis : (hit) direction of each hit's ray
 
     Returns
     -------
@@ -261,12 +238,6 @@ def _sunlight(hits: Hits, light: Light, laser: Laser, receiver: Receiver) -> np.
     The cells of coherence of each hit are its solid angle times A / λ². Sunlight is spread by the PSF, as the laser's light
     is. It is weakened by the whole `transmission` although it passes the lens once: the losses of the laser's own optics
     are not stated apart. That is assumed.
-
-    Parameters
-    ----------
-    hits : the hits, with the sunlight on each.
-    light : light of each hit, before any is left out.
-    laser, receiver : give the wavelength and the filter's width.
     """
     if receiver.filter_width_nm is None or hits.sunlight_per_sr is None:
         return None
@@ -284,9 +255,9 @@ def _depth_spread_s(hits: Hits, range_m: np.ndarray, receiver: Receiver) -> np.n
 
     Parameters
     ----------
-    hits : the hits, with cos α and the rays' shares of their pixels.
-    range_m : (hit) half the light's path.
-    receiver : gives δ, the angle that a ray's footprint spans.
+    hits : the hits, with cos α and the rays' shares of their pixels
+    range_m : (hit) half the light's path
+    receiver : gives δ, the angle that a ray's footprint spans
     """
     cosine = np.maximum(hits.cos_incidence, _LEAST_COSINE)
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine

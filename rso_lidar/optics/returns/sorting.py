@@ -12,13 +12,6 @@ def sort_by(value: np.ndarray, order: np.ndarray, spare: tuple[np.ndarray, np.nd
     """Sort value[start:stop], and order[start:stop] with it, in place; equal values keep their order.
 
     Runs are sorted by insertion and then merged.
-
-    Parameters
-    ----------
-    value : the keys.
-    order : what is sorted with them.
-    spare : room for as many of each.
-    start, stop : the part to sort.
     """
     for low in range(start, stop, RUN):
         for k in range(low + 1, min(low + RUN, stop)):

@@ -17,10 +17,10 @@ def locate_rays(
 
     Parameters
     ----------
-    ray : (hit) index of the ray.
-    direction : (xyz, ray) unit vectors of all rays.
-    pixel_tangent : side of a pixel in the tangent plane.
-    n_rows, n_cols : pixels of the focal plane.
+    ray : (hit) index of the ray
+    direction : (xyz, ray) unit vectors of all rays
+    pixel_tangent : side of a pixel in the tangent plane
+    n_rows, n_cols : pixels of the focal plane
 
     Returns
     -------
@@ -40,9 +40,9 @@ def interpolate_shares(table: np.ndarray, down: float, across: float, found: np.
 
     Parameters
     ----------
-    table : (sub-cell, column), sub-cells by row and column, with one more on each side of the pixel.
-    down, across : place in the pixel, from its upper and left edges [pixels].
-    found : (column), written.
+    table : (sub-cell, column), sub-cells by row and column, with one more on each side of the pixel
+    down, across : place in the pixel, from its upper and left edges [pixels]
+    found : (column), written
     """
     wide = int(math.sqrt(len(table)) + 0.5)
     y, x = down * (wide - 2) + 0.5, across * (wide - 2) + 0.5  # in sub-cells from the middle of the first
@@ -60,10 +60,8 @@ def add_between_pixels(image: np.ndarray, row: int, col: int, down: float, acros
 
     Parameters
     ----------
-    image : (row, col), added to.
-    row, col : a pixel.
-    down, across : the place, from the middle of that pixel [pixels].
-    value : the light.
+    image : (row, col), added to
+    down, across : the place, from the middle of that pixel [pixels]
     """
     top, left = math.floor(down), math.floor(across)
     y, x = down - top, across - left
@@ -82,10 +80,10 @@ def place_light(
 
     Parameters
     ----------
-    pixel : (source).
-    down, across : (source) place, from the middle of the pixel [pixels].
-    photons : (source).
-    n_rows, n_cols : pixels of the focal plane.
+    pixel : (source)
+    down, across : (source) place, from the middle of the pixel [pixels]
+    photons : (source)
+    n_rows, n_cols : pixels of the focal plane
     """
     image = np.zeros((n_rows, n_cols))
     for k in range(len(pixel)):
@@ -99,9 +97,8 @@ def group_by_delay(pixel: np.ndarray, delay_s: np.ndarray, bin_s: float) -> tupl
 
     Parameters
     ----------
-    pixel : (return), never falling.
-    delay_s : (return).
-    bin_s : width of a bin.
+    pixel : (return), never falling
+    delay_s : (return)
 
     Returns
     -------
@@ -158,14 +155,13 @@ def spread_groups(
 
     Parameters
     ----------
-    pixel, delay_s, photons, spread_s, coherence_cells, hit : (return) light before the lens.
-    order, starts : groups, as `group_by_delay` returns them.
-    place : (hit) where in its pixel each hit's ray goes through, from the upper edge and from the left one.
-    zone : (zone) index in `shares` of each zone of the field.
-    zones : zones along each side of the focal plane.
-    shares : (index, sub-cell, offset) of a ray's light, by where it lands.
-    beyond : (index, sub-cell, 3) what lands beyond the offsets: its share, and where it is to be placed times that share.
-    n_rows, n_cols : pixels of the focal plane.
+    pixel, delay_s, photons, spread_s, coherence_cells, hit : (return) light before the lens
+    order, starts : groups, as `group_by_delay` returns them
+    place : (hit) where in its pixel each hit's ray goes through, from the upper edge and from the left one
+    zone : (zone) index in `shares` of each zone of the field
+    shares : (index, sub-cell, offset) of a ray's light, by where it lands
+    beyond : (index, sub-cell, 3) what lands beyond the offsets: its share, and where it is to be placed times that share
+    n_rows, n_cols : pixels of the focal plane
 
     Returns
     -------
@@ -237,9 +233,9 @@ def spread_steady_light(
 
     Parameters
     ----------
-    pixel, rate_per_s : (source) pixel, and photons per second.
-    place : (source) where in its pixel each source is, from the upper edge and from the left one.
-    zone, zones, shares, beyond, n_rows, n_cols : as for `spread_groups`.
+    pixel, rate_per_s : (source) pixel, and photons per second
+    place : (source) where in its pixel each source is, from the upper edge and from the left one
+    zone, zones, shares, beyond, n_rows, n_cols : as for `spread_groups`
 
     Returns
     -------
@@ -295,9 +291,9 @@ def gather_returns(
 
     Parameters
     ----------
-    at, brightest, width_s, near : groups of light, as `spread_groups` returns them.
-    far : pixel, delay, photons, depth spread, cells of coherence and hit of light from far away.
-    n_rows, n_cols : pixels of the focal plane.
+    at, brightest, width_s, near : groups of light, as `spread_groups` returns them
+    far : pixel, delay, photons, depth spread, cells of coherence and hit of light from far away
+    n_rows, n_cols : pixels of the focal plane
 
     Returns
     -------

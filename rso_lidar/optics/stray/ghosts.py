@@ -34,9 +34,7 @@ def add_ghosts(photons: Photons, receiver: Receiver, pulses: int = 1) -> Photons
 
     Parameters
     ----------
-    photons : light behind the lens, of one pulse.
-    receiver : the receiver with its ghosts.
-    pulses : number of pulses of the frame.
+    pulses : number of pulses of the frame
 
     Returns
     -------
@@ -69,14 +67,7 @@ def add_ghosts(photons: Photons, receiver: Receiver, pulses: int = 1) -> Photons
 
 
 def copy_image(image: np.ndarray, ghost: Ghost, receiver: Receiver) -> np.ndarray:
-    """Return the ghost (row, col) of an image (row, col) of steady light, in the unit of the image.
-
-    Parameters
-    ----------
-    image : light on the focal plane.
-    ghost : one of the receiver's ghosts.
-    receiver : gives the focal plane.
-    """
+    """Return the ghost (row, col) of an image (row, col) of steady light, in the unit of the image."""
     kernel, shift = _kernel(ghost, receiver)
     return ghost.fraction * _displace(image[::-1, ::-1] if ghost.is_turned else image, kernel, shift)
 
@@ -86,9 +77,8 @@ def _merge_by_slab(light: Light, slab_s: float, n_pixels: int) -> tuple[Light, n
 
     Parameters
     ----------
-    light : returns, ordered by pixel.
-    slab_s : width of a slab of delay [s].
-    n_pixels : number of pixels.
+    slab_s : width of a slab of delay [s]
+    n_pixels : number of pixels
     """
     slab = ((light.delay_s - light.delay_s.min()) / slab_s).astype(np.int64)
     key = slab * n_pixels + light.pixel
@@ -120,11 +110,8 @@ def _copy_light(sources: Light, slab: np.ndarray, ghost: Ghost, receiver: Receiv
 
     Parameters
     ----------
-    sources : light to copy, merged by pixel and slab.
-    slab : (return) slab of delay of each.
-    ghost : the ghost.
-    receiver : gives the focal plane.
-    least : photons of the faintest return that is made.
+    slab : (return) slab of delay of each
+    least : photons of the faintest return that is made
     """
     kernel, shift = _kernel(ghost, receiver)
     late_s = ghost.extra_path_m / units.SPEED_OF_LIGHT_M_S
@@ -160,11 +147,10 @@ def _find_sources(
 
     Parameters
     ----------
-    sources : copied light, one return for each pixel.
-    pixel : pixels on which the copy lands.
-    is_turned : whether the copy is turned by 180 degrees.
-    shift : of the copy, down and right [pixels].
-    shape : rows and columns of the focal plane.
+    pixel : pixels on which the copy lands
+    is_turned : whether the copy is turned by 180 degrees
+    shift : of the copy, down and right [pixels]
+    shape : rows and columns of the focal plane
     """
     hit = np.full(shape[0] * shape[1] + 1, -1, np.int64)
     hit[sources.pixel] = sources.hit
@@ -178,13 +164,7 @@ def _find_sources(
 
 
 def _kernel(ghost: Ghost, receiver: Receiver) -> tuple[np.ndarray, tuple[float, float]]:
-    """Return the kernel of a ghost, and its shift down and right [pixels], of which it contains the part below a pixel.
-
-    Parameters
-    ----------
-    ghost : the ghost.
-    receiver : gives the focal plane.
-    """
+    """Return the kernel of a ghost, and its shift down and right [pixels], of which it contains the part below a pixel."""
     shift = ghost.shift_pixels(receiver.shape)
     part = shift[0] - math.floor(shift[0]), shift[1] - math.floor(shift[1])
     return _disc_kernel(ghost.defocus_um / receiver.pixel_pitch_um, *part), shift
@@ -196,8 +176,8 @@ def _disc_kernel(radius: float, down: float, right: float) -> np.ndarray:
 
     Parameters
     ----------
-    radius : of the disc [pixels].
-    down, right : shift of the disc's centre from that of the pixel in the middle, from 0 to below 1 [pixels].
+    radius : of the disc [pixels]
+    down, right : shift of the disc's centre from that of the pixel in the middle, from 0 to below 1 [pixels]
     """
     reach = math.ceil(radius) + 1
     n = min(max(math.ceil(2.0 * radius * _POINTS_PER_PIXEL), 1), _MOST_POINTS)
@@ -226,9 +206,9 @@ def _displace(image: np.ndarray, kernel: np.ndarray, shift: tuple[float, float])
 
     Parameters
     ----------
-    image : (row, col) light.
-    kernel : as `_disc_kernel` returns it, the part of the shift below a pixel included.
-    shift : down and right [pixels].
+    image : (row, col) light
+    kernel : as `_disc_kernel` returns it, the part of the shift below a pixel included
+    shift : down and right [pixels]
     """
     from scipy.signal import fftconvolve
 

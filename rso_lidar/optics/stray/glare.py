@@ -33,11 +33,11 @@ def see_sky(
 
     Parameters
     ----------
-    laser : gives the wavelength.
-    receiver : the lens, its filter and its glare.
-    truth : one epoch, with the lidar in it.
-    moon_m : (xyz) position of the Moon in root axes [m]; None without a Moon.
-    has_earth : whether the root's origin is the centre of the Earth.
+    laser : gives the wavelength
+    receiver : the lens, its filter and its glare
+    truth : one epoch, with the lidar in it
+    moon_m : (xyz) position of the Moon in root axes [m]; None without a Moon
+    has_earth : whether the root's origin is the centre of the Earth
 
     Returns
     -------
@@ -77,13 +77,13 @@ def add_stray_light(
 
     Parameters
     ----------
-    photons : light of the targets behind the lens.
-    hits : where rays met targets, which hide the sky.
-    laser : gives the wavelength.
-    receiver : the lens with its stray light.
-    sky : the bodies; None without them.
-    hidden : (element) elements of the sky that targets hide from the lens; None for none.
-    pulses : number of pulses of the frame.
+    photons : light of the targets behind the lens
+    hits : where rays met targets, which hide the sky
+    laser : gives the wavelength
+    receiver : the lens with its stray light
+    sky : the bodies; None without them
+    hidden : (element) elements of the sky that targets hide from the lens; None for none
+    pulses : number of pulses of the frame
 
     Returns
     -------
@@ -107,9 +107,7 @@ def veil(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None) -> np.n
 
     Parameters
     ----------
-    sky : the bodies.
-    receiver : the lens with its glare.
-    hidden : (element) elements that targets hide from the lens; None for none.
+    hidden : (element) elements that targets hide from the lens; None for none
     """
     glare = receiver.glare
     assert glare is not None
@@ -139,11 +137,13 @@ def veil(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None) -> np.n
 
 
 def veil_on_axis(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None) -> np.ndarray:
-    """Return the scattered light of each body (body) in a pixel on the boresight [photons/s].
+    """Return the scattered light of each body in a pixel on the boresight (body) [photons/s], in order of `STRAY_BODIES`.
 
     Parameters
     ----------
-    sky, receiver, hidden : as for `veil`.
+    sky : the bodies, from `see_sky`
+    receiver : the lens with its glare
+    hidden : (element) elements of the bodies that targets hide from the lens (None: none)
     """
     glare = receiver.glare
     assert glare is not None
@@ -181,11 +181,10 @@ def sum_scatter(
 
     Parameters
     ----------
-    sight : (node, xy) direction cosines β of the directions.
-    toward : (element, xy) direction cosines β₀ of the elements.
-    strength : (element) light E on the aperture.
-    blur : (element) a²/2.
-    peak, knee, slope : b₀, L and s of the scatter.
+    sight : (node, xy) direction cosines β of the directions
+    toward : (element, xy) direction cosines β₀ of the elements
+    strength : (element) light E on the aperture
+    blur : (element) a²/2
 
     Returns
     -------
@@ -217,7 +216,7 @@ def _image_with_targets(sky: Sky, hits: Hits, laser: Laser, receiver: Receiver) 
 
     Parameters
     ----------
-    sky, hits, laser, receiver : as for `add_stray_light`.
+    sky, hits, laser, receiver : as for `add_stray_light`
     """
     n_pixels = receiver.n_rows * receiver.n_cols
     free = np.clip(1.0 - np.bincount(hits.pixel, hits.weight, n_pixels), 0.0, 1.0)
@@ -234,9 +233,7 @@ def _image_sky(bodies: SkyBodies, wanted: tuple[int, ...], receiver: Receiver) -
 
     Parameters
     ----------
-    bodies : where they are.
-    wanted : numbers of the bodies whose light is included.
-    receiver : the lens and the focal plane.
+    wanted : numbers of the bodies whose light is included
     """
     image = np.zeros(receiver.n_rows * receiver.n_cols)
     reach = 0.71 * receiver.ifov_rad * (1.0 + math.hypot(*receiver.field_edge))
@@ -263,10 +260,7 @@ def _gather(bodies: SkyBodies, body: int, pixel: np.ndarray, per_side: int, rece
 
     Parameters
     ----------
-    bodies, body : the bodies, and which of them.
-    pixel : pixels to compute.
-    per_side : points along a pixel's side.
-    receiver : the lens and the focal plane.
+    pixel : pixels to compute
     """
     total = np.zeros(len(pixel))
     row, col = pixel // receiver.n_cols, pixel % receiver.n_cols
@@ -285,10 +279,6 @@ def _gather(bodies: SkyBodies, body: int, pixel: np.ndarray, per_side: int, rece
 @lru_cache(maxsize=8)
 def _nodes(receiver: Receiver) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return rows and columns of the pixels at which the veil is computed, and what pixels gather of a radiance.
-
-    Parameters
-    ----------
-    receiver : the lens with its glare.
 
     Returns
     -------

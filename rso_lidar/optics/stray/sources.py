@@ -75,9 +75,9 @@ class SkyBodies:
 
         Parameters
         ----------
-        direction : (…, 3) unit vectors in lidar axes.
-        bodies : whose light is wanted; the others are dark, but hide what is behind them.
-        cell_rad : width of the cell about each direction [rad], over which the edges of the disks are averaged.
+        direction : (…, 3) unit vectors in lidar axes
+        bodies : whose light is wanted; the others are dark, but hide what is behind them
+        cell_rad : width of the cell about each direction [rad], over which the edges of the disks are averaged
         """
         found = np.zeros(direction.shape[:-1])
         if self.sun is None:
@@ -127,9 +127,9 @@ class SkyBodies:
 
         Parameters
         ----------
-        body : SUN, EARTH or MOON.
-        field_rad : half the diagonal of the field [rad], in which the Earth is cut finely.
-        knee_rad : angle over which the scatter of the lens changes [rad].
+        body : SUN, EARTH or MOON
+        field_rad : half the diagonal of the field [rad], in which the Earth is cut finely
+        knee_rad : angle over which the scatter of the lens changes [rad]
 
         Returns
         -------
@@ -168,7 +168,7 @@ class SkyBodies:
 
         Parameters
         ----------
-        field_rad, knee_rad : as for `elements`.
+        field_rad, knee_rad : as for `elements`
         """
         assert self.earth is not None
         radius = self.earth_radius_rad
@@ -203,10 +203,8 @@ def locate_bodies(truth: Truth, moon_m: np.ndarray | None, earth_albedo: float, 
 
     Parameters
     ----------
-    truth : one epoch, with the lidar in it.
-    moon_m : (xyz) position of the Moon in root axes [m]; None without a Moon.
-    earth_albedo : of the Earth.
-    has_earth : whether the root's origin is the centre of the Earth.
+    moon_m : (xyz) position of the Moon in root axes [m]; None without a Moon
+    has_earth : whether the root's origin is the centre of the Earth
     """
     lidar_from_root = np.asarray(truth.poses.place("lidar", ROOT)[1])
     state = truth.states.get("follower")
@@ -232,7 +230,7 @@ def moon_over_sun(phase_rad: float) -> float:
 
     Parameters
     ----------
-    phase_rad : angle Sun-Moon-observer [rad], 0 at full Moon.
+    phase_rad : angle Sun-Moon-observer [rad], 0 at full Moon
     """
     degrees = abs(phase_rad) / units.DEG
     magnitude = _FULL_MOON_MAGNITUDE + 0.026 * degrees + 4e-9 * degrees**4
@@ -272,9 +270,9 @@ def _move_toward(direction: np.ndarray, place: np.ndarray, angle_rad: np.ndarray
 
     Parameters
     ----------
-    direction : (…, 3) unit vectors.
-    place : (xyz) vector toward the place.
-    angle_rad : (…) how far they move [rad].
+    direction : (…, 3) unit vectors
+    place : (xyz) vector toward the place
+    angle_rad : (…) how far they move [rad]
     """
     ahead = place / np.linalg.norm(place)
     across = ahead - np.sum(direction * ahead, axis=-1)[..., None] * direction
@@ -288,9 +286,7 @@ def _disc_points(place: np.ndarray, radius_rad: float, n: int) -> np.ndarray:
 
     Parameters
     ----------
-    place : vector to the disc's centre.
-    radius_rad : of the disc.
-    n : number of points.
+    n : number of points
     """
     ahead = place / np.linalg.norm(place)
     across = np.cross(ahead, np.eye(3)[int(np.argmin(np.abs(ahead)))])

@@ -19,9 +19,22 @@ _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
 
 
 def read_pattern(file: str) -> np.ndarray:
-    """Read a laser's pattern (row, col), of sum 1, from a grey image or a table of numbers (.csv, .txt).
+    """Read a laser's pattern from a grey image or a table of numbers (.csv, .txt).
 
-    It fills the square of the beam's full angle, row 0 at the top, as the lidar sees it.
+    Parameters
+    ----------
+    file : path. The pattern is cached until the file changes
+
+    Returns
+    -------
+    ndarray
+        (row, col) share of the energy in each cell of the square of the beam's full angle, row 0 at the top, as the lidar
+        sees it.
+
+    Raises
+    ------
+    ScenarioError
+        If the file is not an image or a table of finite values from 0 up.
     """
     return _pattern(*file_stamp(file))
 
@@ -32,7 +45,7 @@ def _pattern(file: str, _modified_ns: int, _size: int) -> np.ndarray:
 
     Parameters
     ----------
-    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
 
     Returns
     -------
@@ -131,7 +144,7 @@ def _pulse(file: str, _modified_ns: int, _size: int) -> tuple[np.ndarray, np.nda
 
     Parameters
     ----------
-    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
 
     Returns
     -------

@@ -84,7 +84,7 @@ def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
 
     Parameters
     ----------
-    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
 
     Returns
     -------
@@ -133,9 +133,7 @@ def _spacing_m(path: str, header: str, n_cols: int) -> float:
 
     Parameters
     ----------
-    path : the listing, for messages.
-    header : its header.
-    n_cols : points of a row.
+    n_cols : points of a row
 
     Raises
     ------
@@ -180,7 +178,7 @@ def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
 
     Parameters
     ----------
-    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
 
     Returns
     -------

@@ -134,13 +134,7 @@ def _read_file(
 
 
 def _read_csv(text: str, where: str, axes: str) -> AttitudeSegment:
-    """Read a CSV table as one segment.
-
-    Parameters
-    ----------
-    text, where : content and name of the file
-    axes : "inertial", "rtn" or "lvlh_ccsds", which are converted to rtn
-    """
+    """Read a CSV table as one segment."""
     from scipy.spatial.transform import Rotation
 
     table = read_csv_table(text, where, (_QUATERNION,), (_QUATERNION,))
@@ -156,7 +150,6 @@ def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datet
 
     Parameters
     ----------
-    message, segment : the message and its segment
     start_utc : instant from which all times count; None for the first row of this segment
     """
     from scipy.spatial.transform import Rotation

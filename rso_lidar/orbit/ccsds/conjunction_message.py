@@ -192,13 +192,7 @@ def _read_parts(text: str, where: str) -> tuple[KeywordBlock, list[KeywordBlock]
 
 
 def _read_object(fields: KeywordBlock, tca_utc: datetime.datetime) -> ConjunctionObject:
-    """Read one object of a message.
-
-    Parameters
-    ----------
-    fields : its keywords
-    tca_utc : time of its state
-    """
+    """Read one object of a message."""
     where = fields.where
     center = fields.find("ORBIT_CENTER")
     if center is not None:
@@ -236,9 +230,6 @@ def _to_gcrs(
     Parameters
     ----------
     position_m, velocity_m_s : (3,) state in the frame of the message
-    frame : REF_FRAME
-    where : name of the file, for messages
-    tca_utc : time of the state
     """
     axes = parse_frame(frame.value, f"{where}: line {frame.line}")
     if axes == "itrs":

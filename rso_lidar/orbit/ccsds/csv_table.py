@@ -120,7 +120,6 @@ def check_unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[i
 
     Parameters
     ----------
-    where : name of the file, for messages
     quaternion : (row, 4), in any order of components
     lines : (row,) line numbers in the file
 
@@ -150,7 +149,6 @@ def _find_time_column(
 
     Parameters
     ----------
-    where : file and line, for messages
     header : names of the columns
     sets, needed : see `read_csv_table`
 

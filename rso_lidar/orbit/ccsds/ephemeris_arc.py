@@ -125,7 +125,6 @@ def read_arcs(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> 
 
     Parameters
     ----------
-    path : path of the file
     _modified_ns, _size : modification time and size of the file, the key of the cache
     wanted : name or identifier of one object of a message; None for the only one
 
@@ -185,8 +184,6 @@ def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datet
 
     Parameters
     ----------
-    message : the whole message
-    segment : the segment
     start_utc : instant from which all times count; None for the first row of this segment
 
     Returns

@@ -57,7 +57,6 @@ def check_row_spacing(arcs: Sequence[EphemerisArc], interpolation: str | None, d
 
     Parameters
     ----------
-    arcs : segments of one object
     interpolation, degree : choice of the part; None for that of the file
 
     Returns
@@ -93,7 +92,6 @@ def estimate_errors(arc: EphemerisArc, method: str, degree: int) -> IntervalErro
 
     Parameters
     ----------
-    arc : the segment
     method, degree : of the interpolation, see `EphemerisArc.choose`
     """
     span_s = np.diff(arc.time_s)
@@ -133,7 +131,6 @@ def _are_far_apart(arc: EphemerisArc, chosen: np.ndarray, angle: np.ndarray) -> 
 
     Parameters
     ----------
-    arc : the segment
     chosen : (interval,) number of the row before
     angle : (interval,) of a circular orbit at the height of the rows [rad]
     """
@@ -152,7 +149,6 @@ def _make_inertial(arc: EphemerisArc, method: str, degree: int) -> tuple[np.ndar
 
     Parameters
     ----------
-    arc : the segment
     method, degree : of the interpolation, such as `hermite` and 7
     """
     position_m = arc.position_m
@@ -283,7 +279,6 @@ def _describe(arc: EphemerisArc, errors: IntervalErrors, k: int) -> str:
 
     Parameters
     ----------
-    arc : the segment
     errors : of its intervals, see `IntervalErrors`
     k : number of the interval in `errors`
     """

@@ -28,12 +28,6 @@ class StatedValue(Entry):
 def read_keywords(text: str, kind: str, where: str) -> tuple[str, list[tuple[str, StatedValue]]]:
     """Read the keywords of a message in either notation.
 
-    Parameters
-    ----------
-    text : content of the file
-    kind : "CDM" or "OPM"
-    where : name of the file, for messages
-
     Returns
     -------
     version of the format, and keywords with values in the order of the file
@@ -190,7 +184,6 @@ class KeywordBlock:
         Parameters
         ----------
         key, unit, most : as for `require_number`
-        entry : its value
         """
         at = f"{self.where}: line {entry.line}"
         if entry.unit.lower() not in ("", unit.lower()):
@@ -203,7 +196,6 @@ def check_version(version: str, kind: str, where: str, known: Sequence[str]) -> 
 
     Parameters
     ----------
-    version, kind, where : as stated, of which message, and in which file
     known : main numbers that are read
 
     Raises

@@ -16,12 +16,6 @@ Piece = tuple[dict[str, str], Iterable[str]]  # the metadata of a segment, and i
 def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
     """Read a message in keyword = value notation.
 
-    Parameters
-    ----------
-    text : content of the file
-    kind : "OEM" or "AEM"
-    where : name of the file, for messages
-
     Returns
     -------
     the message
@@ -84,13 +78,6 @@ def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
 
 def format_kvn(kind: str, version: str, header: dict[str, str], segments: Sequence[Piece]) -> str:
     """Format a message of one or more segments in keyword = value notation.
-
-    Parameters
-    ----------
-    kind : "OEM" or "AEM"
-    version : version of the format
-    header : entries of the header
-    segments : metadata and data lines of each segment
 
     Returns
     -------

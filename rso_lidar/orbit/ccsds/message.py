@@ -74,13 +74,7 @@ def read_time_system(entry: Entry, where: str) -> str:
 
 
 def check_center(key: str, entry: Entry, where: str) -> None:
-    """Raise `ScenarioError` if an entry states another centre of an orbit than the Earth.
-
-    Parameters
-    ----------
-    key, entry : the keyword, and what it states
-    where : name of the file, for the message
-    """
+    """Raise `ScenarioError` if an entry states another centre of an orbit than the Earth."""
     if entry.value.upper() not in ("EARTH", "EARTH CENTER"):
         raise ScenarioError(f"{where}: line {entry.line}: {key} {entry.value}; only EARTH is supported")
 
@@ -95,7 +89,6 @@ def select_segments(message: CcsdsMessage, wanted: str | None) -> list[CcsdsSegm
 
     Parameters
     ----------
-    message : the message
     wanted : name or id in any case, or None for the only object
 
     Raises
@@ -120,13 +113,6 @@ def select_segments(message: CcsdsMessage, wanted: str | None) -> list[CcsdsSegm
 def parse_number(where: str, name: str, cell: str, most: float = GREATEST) -> float:
     """Parse a cell as a finite number.
 
-    Parameters
-    ----------
-    where : file and line, for messages
-    name : name of the value
-    cell : text of the value
-    most : greatest magnitude
-
     Returns
     -------
     the number
@@ -150,7 +136,6 @@ def check_increasing(where: str, stamps: Sequence[int], lines: Sequence[int]) ->
 
     Parameters
     ----------
-    where : name of the file, for messages
     stamps : (row,) instants [ps]
     lines : (row,) their lines in the file
 
@@ -176,8 +161,6 @@ def usable_span_s(
 
     Parameters
     ----------
-    message, segment : the message and its segment
-    system : time system of the segment
     first_ps : instant of the first row [ps]
     time_s : (row,) instants of the rows [s]
 

@@ -76,7 +76,6 @@ def _decompress(content: bytes, path: Path) -> bytes:
     Parameters
     ----------
     content : of the file, which begins with the two bytes of gzip, 1f 8b
-    path : its path, for messages
 
     Raises
     ------
@@ -113,8 +112,6 @@ def read_message(text: str, kind: str, where: str) -> CcsdsMessage:
     Parameters
     ----------
     text : keyword = value or XML text
-    kind : "OEM" or "AEM"
-    where : name of the file, for messages
 
     Returns
     -------

@@ -55,7 +55,6 @@ def freeze_axes(
     Parameters
     ----------
     position_m, velocity_m_s : (row, 3) [m], [m/s]
-    axes : "mod", "tod" or "teme"
     stamp_ps : the epoch of the axes [ps of TAI since the start of 2000]
     """
     start_utc, start_ps = floor_to_utc_second(stamp_ps)
@@ -68,9 +67,7 @@ def warn_without_orientation(where: str, position_m: np.ndarray, cure: str) -> N
 
     Parameters
     ----------
-    where : file or part, for the message
     position_m : (…, 3) positions [m]
-    cure : what to do
     """
     off_m = UNCERTAINTY_WITHOUT_RAD * float(np.linalg.norm(position_m, axis=-1).max(initial=0.0))
     warn_of_input(f"{where}: is in ITRF, and without polar motion and UT1 it is off by up to {off_m:.0f} m: {cure}")

@@ -52,13 +52,6 @@ def walk_message(text: str, kind: str, where: str, elements: Elements) -> str:
     Prefixes of namespaces are dropped, and other messages in a combined `ndm` are skipped. A document type declaration,
     which could define entities, is refused.
 
-    Parameters
-    ----------
-    text : content of the file
-    kind : "OEM", "AEM", "CDM" or "OPM"
-    where : name of the file, for messages
-    elements : receiver of the elements
-
     Raises
     ------
     ScenarioError
@@ -127,12 +120,6 @@ class _Walker:
 def read_xml(text: str, kind: str, where: str) -> CcsdsMessage:
     """Read a message of rows in XML.
 
-    Parameters
-    ----------
-    text : content of the file
-    kind : "OEM" or "AEM"
-    where : name of the file, for messages
-
     Returns
     -------
     the message
@@ -193,9 +180,7 @@ class _RowReceiver:
 
         Parameters
         ----------
-        tag : name of the leaf
         known : names that have occurred
-        line : its line in the file
 
         Raises
         ------

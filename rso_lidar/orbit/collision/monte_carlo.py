@@ -126,7 +126,6 @@ def choose_samples(first: UncertainState, second: UncertainState, radius_m: floa
 
     Parameters
     ----------
-    first, second : the states
     radius_m : combined hard-body radius [m]
     """
     try:

@@ -151,14 +151,7 @@ def check_radius(radius_m: Any) -> float:
 
 
 def _check_array(name: str, given: Any, shapes: tuple[tuple[int, ...], ...]) -> np.ndarray:
-    """Check a field of a state.
-
-    Parameters
-    ----------
-    name : of the field
-    given : its value
-    shapes : that are allowed
-    """
+    """Check a field of a state."""
     array = to_real_array(given)
     if array is None or array.shape not in shapes or not np.isfinite(array).all():
         raise ScenarioError(f"{name}: needs finite numbers of shape {' or '.join(map(str, shapes))}")

@@ -149,12 +149,6 @@ def _sun_above_limb_rad(position_m: np.ndarray, at: Epochs) -> np.ndarray:
 def _check_limit(name: str, value: float, most: float) -> None:
     """Check that a limit is above 0 and not above the most it can be.
 
-    Parameters
-    ----------
-    name : name of the limit
-    value : the limit
-    most : greatest value
-
     Raises
     ------
     ScenarioError

@@ -119,7 +119,6 @@ def _read(path: Path, _modified_ns: int, _size: int) -> EarthOrientation:
 
     Parameters
     ----------
-    path : path of the file
     _modified_ns, _size : modification time and size of the file, the key of the cache
     """
     text = files.read_text(path, files.MOST_BYTES, ScenarioError, "file of Earth orientation")

@@ -48,7 +48,6 @@ def itrs_from_gcrs_rate(epochs: Epochs, orientation: EarthOrientation | None = N
 
     Parameters
     ----------
-    epochs : instants
     orientation : as for `itrs_from_gcrs`
     """
     after, before = (

@@ -289,7 +289,6 @@ def _drag_acceleration(drag: Drag, r: Vector3, radius: float, v: Vector3, pole: 
 
     Parameters
     ----------
-    drag : the part
     r, radius, v : position [m], its length, and velocity [m/s]
     pole : unit vector along the Earth's axis
     """
@@ -311,7 +310,6 @@ def _sunlight_acceleration(pressure: RadiationPressure, r: Vector3, radius: floa
 
     Parameters
     ----------
-    pressure : the part
     r, radius : position [m] and its length
     sun : position of the Sun [m]
     """

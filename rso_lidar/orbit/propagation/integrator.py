@@ -184,7 +184,6 @@ class _Direction:
 
         Parameters
         ----------
-        made : polynomial of the step
         begin, end : its ends, positive in this direction [s]
         """
         if self._phase is None:

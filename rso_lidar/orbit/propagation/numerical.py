@@ -322,7 +322,6 @@ def _set_entry(entry: int, value: float, state: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     entry : index of the entry
-    value : its new value
     state : (n,) the state
     """
     after = np.array(state)

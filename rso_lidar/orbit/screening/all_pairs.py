@@ -129,7 +129,6 @@ def _add_bounds(bounds: OrbitBounds, one: int, others: np.ndarray) -> tuple[np.n
 
     Parameters
     ----------
-    bounds : bounds of the orbits
     one, others : numbers of the sets
     """
     speed, fourth, off = bounds.speed_m_s, bounds.fourth_m_s4, bounds.off_m
@@ -177,9 +176,7 @@ def _select_partners(
     Parameters
     ----------
     one : number of the set
-    flights : the objects
     span_s : (set, 2) when each set applies [s since the start]
-    bounds : bounds of the orbits
     within_m : limit of range [m]
     """
     after = np.arange(one + 1, len(span_s))
@@ -201,7 +198,6 @@ def _name_objects(pieces: Sequence[CloseApproach], pairs: np.ndarray, flights: S
     ----------
     pieces : close approaches, whose `which` is the number of the pair
     pairs : (pair, 2) numbers of the sets
-    flights : the objects
     """
     of: dict[int, list[CloseApproach]] = {}
     for piece in pieces:
@@ -224,7 +220,6 @@ def _find_lost(
 
     Parameters
     ----------
-    bounds : bounds of the orbits
     position_m : (set, time, 3) on the coarse grid [m]
     error : (set, time) SGP4's codes
     instants : (time,) of the grid [s]

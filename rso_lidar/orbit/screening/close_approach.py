@@ -119,7 +119,6 @@ class _Nodes:
 
         Parameters
         ----------
-        pair : the relative positions
         near : (new,) existing nodes whose windows the new ones belong to
         time_s : (new,) instants [s]
         """
@@ -149,9 +148,7 @@ def refine_approaches(
 
     Parameters
     ----------
-    pair : the relative positions
     cells : (cell, 2) number of the set, and of the sub-interval
-    times : the sub-intervals
     within_m : limit of range [m]
 
     Returns
@@ -226,11 +223,6 @@ def join_approaches(pieces: Sequence[CloseApproach], lead: InTeme, flights: Sche
     Where one set stops and the next takes over inside the limit, it is one close approach. The range jumps there. A
     minimum at the jump counts if the course with the jump has one. So the least range is always among the minima.
 
-    Parameters
-    ----------
-    pieces : close approaches of sets
-    lead, flights : the follower, and the objects
-
     Returns
     -------
     list of CloseApproach, whose `which` is the number of the object
@@ -254,7 +246,6 @@ def _ranges_m(lead: InTeme, flights: ScheduledFleet, which: int, time_s: tuple[f
 
     Parameters
     ----------
-    lead, flights : the follower, and the objects
     which : number of the object
     time_s : instants [s since the start]
     """
@@ -290,11 +281,6 @@ def _merge(before: CloseApproach, after: CloseApproach, end_m: float, begin_m: f
 def _mark_jumps(approach: CloseApproach, lead: InTeme, flights: ScheduledFleet) -> CloseApproach:
     """Mark a close approach as entered or left where the object jumps in or out.
 
-    Parameters
-    ----------
-    approach : the close approach
-    lead, flights : the follower, and the objects
-
     Returns
     -------
     the same close approach, marked
@@ -315,9 +301,7 @@ def _sample(pair: RelativePositions, cells: np.ndarray, times: SubIntervals) -> 
 
     Parameters
     ----------
-    pair : the relative positions
     cells : (cell, 2) number of the set, and of the sub-interval
-    times : the sub-intervals
 
     Returns
     -------
@@ -346,8 +330,6 @@ def _add_dips(pair: RelativePositions, nodes: _Nodes, sub_s: float) -> _Nodes:
 
     Parameters
     ----------
-    pair : the relative positions
-    nodes : the nodes so far
     sub_s : length of a sub-interval [s]
 
     Returns
@@ -384,7 +366,6 @@ def _find_roots(
     Parameters
     ----------
     f : function of number (pair,) and time (pair,) [s] that returns (pair,)
-    nodes : the nodes
     left : (root,) nodes before each root
     value : (node,) values of f
 

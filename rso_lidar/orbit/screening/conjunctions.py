@@ -134,9 +134,7 @@ def _screen_one_set(
 
     Parameters
     ----------
-    lead : the follower
     one : number of its set
-    flights : the objects
     within_m : limit of range [m]
     step_s : step of the coarse grid [s]
     near : (object,) whose shells overlap; added to
@@ -217,12 +215,10 @@ def _find_cells(
 
     Parameters
     ----------
-    fleet : the element sets
     sets : (set,) numbers of the sets
     span_s : (set, 2) when each applies [s]; nothing beyond counts
     instants : (time,) coarse grid [s]
     lead : position and velocity (time, 3) of the follower
-    here : bounds of the follower's orbit
     there : speeds [m/s], fourth derivatives [m/s4] and further errors of the cubic [m] of the sets
     within_m : limit of range [m]
 

@@ -105,7 +105,6 @@ def _propagate_sets(fleet: Fleet | MixedFleet, sets: np.ndarray, instants: np.nd
 
     Parameters
     ----------
-    fleet : the element sets
     sets : (set,) numbers of the sets
     instants : (set, time) [s since the start]
 

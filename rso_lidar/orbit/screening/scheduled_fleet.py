@@ -192,8 +192,6 @@ def _schedule(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> l
 
     Parameters
     ----------
-    sets : element sets of the object
-    start : the start of the span, one epoch
     duration_s : length of the span [s]
 
     Returns

@@ -174,9 +174,6 @@ def find_pieces(
 
     Parameters
     ----------
-    entry : the trajectory
-    number : of the object, for a trajectory without a name
-    start_utc : start of the span
     duration_s : length of the span [s]
     step_s : greatest step of the coarse grid [s]
 
@@ -223,7 +220,6 @@ def sample_states(
 
     Parameters
     ----------
-    entry : the trajectory
     start_utc : instant from which seconds are counted
     time_s : (time,) instants [s]
     """
@@ -260,7 +256,6 @@ def _find_runs(
 
     Parameters
     ----------
-    entry : the trajectory
     start_utc : instant from which seconds are counted
     first_s, last_s : the span [s]
     sub_s : step of the samples [s]
@@ -288,7 +283,6 @@ def _bisect(entry: Trajectory, start_utc: datetime.datetime, known_s: float, unk
 
     Parameters
     ----------
-    entry : the trajectory
     start_utc : instant from which seconds are counted
     known_s, unknown_s : the two instants [s]
     """
@@ -308,10 +302,7 @@ def _describe_gaps(
 
     Parameters
     ----------
-    pieces : of one trajectory
-    start_utc : start of the span
     duration_s : length of the span [s]
-    reasons : messages of the trajectory
     """
     if not pieces:
         return [f"has no state in the span ({reasons[0] if reasons else 'its states are not finite'})"]

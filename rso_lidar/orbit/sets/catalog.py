@@ -94,9 +94,7 @@ class Catalog:
 
         Parameters
         ----------
-        found : element sets, including bad ones
         junk : one line for each part of the text that is not a record
-        where : name of the text, for messages
 
         Returns
         -------

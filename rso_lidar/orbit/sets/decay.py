@@ -246,7 +246,6 @@ def _find_failure(elements: ElementSet, edges: np.ndarray, free: np.ndarray, sig
 
     Parameters
     ----------
-    elements : the element set
     edges : (piece + 1,) ends of the pieces, from the epoch outward [min]
     free : (piece,) whether a piece is proven to contain none
     sign : 1 after the epoch, -1 before it

@@ -223,8 +223,6 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
 
     Parameters
     ----------
-    fields : values by key in capitals
-    where : place of the record, for messages
     problem : a problem that is already known
 
     Returns

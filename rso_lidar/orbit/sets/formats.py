@@ -52,8 +52,6 @@ def read_object(path: Path, where: str, name: str | None, norad_id: int | None) 
 
     Parameters
     ----------
-    path : path of the file
-    where : name of the file, for messages
     name : name of the object, in any case; None for any
     norad_id : catalogue number of the object; None for any
 
@@ -110,7 +108,6 @@ def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, 
 
     Parameters
     ----------
-    path : path of the file
     _modified_ns, _size : modification time and size of the file, the key of the cache
 
     Returns
@@ -203,11 +200,6 @@ def parse_lines(lines: Iterable[str], where: str) -> list[ElementSet]:
 
     A set is a line "1 ...", a line "2 ..." and an optional name before them (a leading "0 " is dropped). Messages of lines
     KEY = value may occur between sets. Empty lines and lines that begin with # are skipped.
-
-    Parameters
-    ----------
-    lines : the lines
-    where : name of the source, for messages
 
     Raises
     ------

@@ -163,8 +163,6 @@ def _make_broken(place: str, what: str, fields: dict[str, str] | None = None) ->
 
     Parameters
     ----------
-    place : file and line of the record
-    what : what is wrong with it
     fields : what could be read of it; None for nothing
 
     Returns
@@ -207,12 +205,6 @@ def _find_messages(root: Any) -> list[list[Any]]:
 
 def _salvage_xml(text: str, where: str, error: str) -> Found:
     """Read the intact messages of damaged XML.
-
-    Parameters
-    ----------
-    text : the damaged XML
-    where : name of the source
-    error : the parser's message
 
     Returns
     -------

@@ -65,8 +65,6 @@ def select_set(
 
     Parameters
     ----------
-    sets : element sets to choose from
-    where : name of their source, for messages
     name : name of the object, in any case; None for any
     norad_id : catalogue number of the object; None for any
     near_utc : instant; the set with the nearest epoch is selected. None for the newest set

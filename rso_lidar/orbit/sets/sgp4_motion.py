@@ -351,8 +351,6 @@ def _summarize(kind: str, elements: ElementSet, age_days: float) -> str:
 
     Parameters
     ----------
-    kind : type of the motion
-    elements : its element set
     age_days : age of the elements at the start [day]
     """
     return f"{kind} {elements.norad_id} {elements.name}, {age_days:.1f} days from epoch"

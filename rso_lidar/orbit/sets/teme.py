@@ -114,7 +114,6 @@ def describe_failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, erro
 
     Parameters
     ----------
-    elements : the element set
     epochs : instants (time)
     bad : (time,) mask of failures
     error : (time,) error codes
@@ -146,7 +145,6 @@ def describe_decay(elements: ElementSet, decay_s: float) -> str:
 
     Parameters
     ----------
-    elements : the element set
     decay_s : when SGP4 first has no state [s since its epoch], negative before it, infinite if never
     """
     if not np.isfinite(decay_s):
@@ -157,11 +155,6 @@ def describe_decay(elements: ElementSet, decay_s: float) -> str:
 
 def propagate_in_teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Propagate an element set by SGP4 to states in TEME axes.
-
-    Parameters
-    ----------
-    elements : the element set
-    epochs : instants
 
     Returns
     -------

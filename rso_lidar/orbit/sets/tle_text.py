@@ -77,10 +77,7 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
 
     Parameters
     ----------
-    name : name from the line before, or empty
     at : index of the element line in `lines`
-    lines : numbered lines of the text
-    where : name of the source, for messages
 
     Returns
     -------
@@ -192,7 +189,6 @@ def _find_problem(line1: str, number1: int, line2: str, number2: int, where: str
     ----------
     line1, number1 : line 1 and its number in the file
     line2, number2 : line 2 and its number in the file
-    where : name of the source
 
     Returns
     -------
@@ -304,11 +300,6 @@ def format_tle(elements: ElementSet) -> tuple[str, str]:
 
 def format_tles(sets: Sequence[ElementSet], where: str) -> str:
     """Format element sets as lines, each below its name; a warning counts those that no TLE can hold.
-
-    Parameters
-    ----------
-    sets : element sets in the order of the text
-    where : name of their source, for the warning
 
     Raises
     ------

@@ -23,7 +23,6 @@ def gcrs_from_axes_of_date(axes: DateAxes, at: Epochs) -> np.ndarray:
     Parameters
     ----------
     axes : "mod" (mean equator and equinox), "tod" (true equator and equinox) or "teme" (true equator, mean equinox)
-    at : instants
 
     Returns
     -------

@@ -75,7 +75,6 @@ def _find_dips(
 
     Parameters
     ----------
-    value : the function
     time_s, values : (time,) the scan
 
     Returns

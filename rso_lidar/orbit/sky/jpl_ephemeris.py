@@ -109,14 +109,7 @@ class JplEphemeris:
         return BodyState(*(np.ascontiguousarray(one.T) for one in (found.position.m, found.velocity.m_per_s)))
 
     def _read(self, kernel: Any, body: str, epochs: Epochs) -> np.ndarray:
-        """Read the geometric position (time, 3) [m] of a body from the Earth's centre.
-
-        Parameters
-        ----------
-        kernel : open kernel of skyfield
-        body : name of the body
-        epochs : instants
-        """
+        """Read the geometric position (time, 3) [m] of a body from the Earth's centre."""
         place: np.ndarray = np.ascontiguousarray(self._look_up(kernel, body, epochs).position.m.T)
         return place
 

@@ -23,10 +23,7 @@ def compute_scaled_time(x: float, q: float, lam: float, revolutions: int) -> flo
 
     Parameters
     ----------
-    x : Lancaster and Blanchard's variable of the orbit
     q : chord over half perimeter, 1 - lambda^2
-    lam : Izzo's lambda
-    revolutions : whole revolutions before arrival
     """
     y = math.sqrt(q + lam * lam * x * x)
     eta = y - lam * x if lam * x <= 0.0 else q / (y + lam * x)
@@ -55,7 +52,6 @@ def _slopes(x: float, time: float, q: float, lam: float) -> tuple[float, float, 
     Parameters
     ----------
     x, q, lam : see `compute_scaled_time`
-    time : T at x
     """
     y = math.sqrt(q + lam * lam * x * x)
     across = (1.0 - x) * (1.0 + x)
@@ -72,7 +68,6 @@ def find_all_orbits(time: float, q: float, lam: float) -> list[tuple[int, Branch
 
     Parameters
     ----------
-    time : scaled time
     q, lam : see `compute_scaled_time`
 
     Returns
@@ -93,7 +88,6 @@ def find_orbits(time: float, q: float, lam: float, revolutions: int) -> list[tup
 
     Parameters
     ----------
-    time : scaled time
     q, lam, revolutions : see `compute_scaled_time`
 
     Returns
@@ -121,7 +115,6 @@ def _solve_single(time: float, q: float, lam: float) -> float:
 
     Parameters
     ----------
-    time : scaled time
     q, lam : see `compute_scaled_time`
 
     Returns
@@ -148,11 +141,8 @@ def _solve(
 
     Parameters
     ----------
-    time : scaled time
     q, lam, revolutions : see `compute_scaled_time`
-    start : starting value of x
     bracket : low and high x that enclose one root
-    slope : sign of T' inside the bracket
 
     Returns
     -------

@@ -174,7 +174,6 @@ def check_start(position_m: Vector, velocity_m_s: Vector, body: CentralBody) -> 
     Parameters
     ----------
     position_m, velocity_m_s : from the centre of the body [m], [m/s]
-    body : central body
 
     Raises
     ------

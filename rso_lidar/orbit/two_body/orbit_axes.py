@@ -91,7 +91,6 @@ def orbit_axes_matrix(axes: OrbitAxes, position_m: np.ndarray, velocity_m_s: np.
 
     Parameters
     ----------
-    axes : "rtn", "lvlh_ccsds", "vnc" or "ntw"
     position_m, velocity_m_s : (…, 3) inertial state [m], [m/s]
 
     Returns

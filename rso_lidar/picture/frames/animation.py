@@ -11,7 +11,7 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, shorten, write_raster
+from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, draw_text, shorten
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, pick
 from rso_lidar.picture.selection.window import Window, crop
@@ -48,11 +48,11 @@ def animate(
 
     Parameters
     ----------
-    frames : a sequence, a recording or an iterator.
-    path : of the file.
-    max_frames : most frames drawn.
-    frame_rate_hz : rate of playing, at most 50 Hz (None: 4 to 20 Hz, for a length of about ten seconds).
-    scheme : `LIGHT` or `DARK`.
+    frames : a sequence, a recording or an iterator
+    path : of the file
+    max_frames : most frames drawn
+    frame_rate_hz : rate of playing, at most 50 Hz (None: 4 to 20 Hz, for a length of about ten seconds)
+    scheme : `LIGHT` or `DARK`
 
     Returns
     -------
@@ -86,7 +86,7 @@ def _draw_all(thumbnails: Sequence[Thumbnail], scheme: Scheme) -> Iterator[Image
     page = Image.new("RGB", (WIDTH, HEIGHT), scheme.paper)
     draw = ImageDraw.Draw(page)
     inner = WIDTH - 2 * MARGIN
-    write_raster(draw, MARGIN, 12, shorten(draw, thumbnails[0].title, 17, inner, bold=True), 17, scheme.ink, bold=True)
+    draw_text(draw, MARGIN, 12, shorten(draw, thumbnails[0].title, 17, inner, bold=True), 17, scheme.ink, bold=True)
     draw_legend(draw, MARGIN, HEIGHT - FOOT + 6, scale, inner, 12, scheme)
     plot = _draw_timeline(page, thumbnails, scheme)
     window: Window | None = None
@@ -102,12 +102,7 @@ def _draw_one(
 
     Parameters
     ----------
-    page : the page, drawn on.
-    thumbnail : the frame.
-    scale : limits of the colours.
-    window : the part of the field shown.
-    now : where on the line of range over time the frame is.
-    scheme : colours of the page.
+    now : where on the line of range over time the frame is
     """
     from PIL import ImageDraw
 
@@ -116,10 +111,10 @@ def _draw_one(
     y = HEAD + SIDE + 8
     seen = math.isfinite(thumbnail.median_m)
     said = f"{thumbnail.median_m:,.1f} m" if seen else f"{thumbnail.true_range_m:,.1f} m (truth)"
-    write_raster(draw, MARGIN, y, said, 18, scheme.ink, bold=True)
+    draw_text(draw, MARGIN, y, said, 18, scheme.ink, bold=True)
     field = f"whole field, {window.size_text}" if window.whole else f"crop {window.size_text}"
-    write_raster(draw, MARGIN + SIDE + GAP, y + 4, f"{thumbnail.returns:,} returns   ·   {field}", 12, scheme.quiet)
-    write_raster(draw, WIDTH - MARGIN, y + 2, f"{thumbnail.time_s:,.1f} s", 15, scheme.ink, anchor="ra")
+    draw_text(draw, MARGIN + SIDE + GAP, y + 4, f"{thumbnail.returns:,} returns   ·   {field}", 12, scheme.quiet)
+    draw_text(draw, WIDTH - MARGIN, y + 2, f"{thumbnail.time_s:,.1f} s", 15, scheme.ink, anchor="ra")
     across, down = now
     draw.line((across, HEAD + SIDE + CAPTION + 2, across, HEAD + SIDE + CAPTION + TIMELINE - 8), fill=scheme.rule)
     draw.ellipse((across - 4, down - 4, across + 4, down + 4), fill=scheme.mark)
@@ -127,14 +122,7 @@ def _draw_one(
 
 
 def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail], scheme: Scheme) -> list[tuple[float, float]]:
-    """Draw the line of range over time, and return the position of each thumbnail on it [pixels].
-
-    Parameters
-    ----------
-    page : the picture to draw on.
-    thumbnails : of all frames shown, in the order of time.
-    scheme : colours of the page.
-    """
+    """Draw the line of range over time, and return the position of each thumbnail on it [pixels]."""
     from PIL import ImageDraw
 
     draw = ImageDraw.Draw(page)
@@ -144,8 +132,8 @@ def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail], scheme: Scheme)
     low_m, high_m = (float(ranges_m[known].min()), float(ranges_m[known].max())) if known.any() else (0.0, 0.0)
     top, bottom = HEAD + SIDE + CAPTION + 6, HEAD + SIDE + CAPTION + TIMELINE - 12
     left, right = MARGIN + 76, WIDTH - MARGIN - 6
-    write_raster(draw, left - 8, top, f"{high_m:,.0f} m", 12, scheme.quiet, anchor="rm")
-    write_raster(draw, left - 8, bottom, f"{low_m:,.0f} m", 12, scheme.quiet, anchor="rm")
+    draw_text(draw, left - 8, top, f"{high_m:,.0f} m", 12, scheme.quiet, anchor="rm")
+    draw_text(draw, left - 8, bottom, f"{low_m:,.0f} m", 12, scheme.quiet, anchor="rm")
     share_x = (times_s - times_s[0]) / max(float(np.ptp(times_s)), 1e-12)
     share_y = (np.where(known, ranges_m, low_m) - low_m) / max(high_m - low_m, 1e-12)
     points = [
@@ -162,10 +150,7 @@ def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float, scheme: S
 
     Parameters
     ----------
-    draft : path to write.
-    pictures : consumed one at a time.
-    rate_hz : pictures per second of playback; GIF rounds their duration to 10 ms.
-    scheme : colours of the pages.
+    rate_hz : pictures per second of playback; GIF rounds their duration to 10 ms
     """
     from PIL import Image
 
@@ -192,10 +177,7 @@ def _write_mp4(ffmpeg, draft: Path, pictures: Iterator[Image], rate_hz: float) -
 
     Parameters
     ----------
-    ffmpeg : the module imageio_ffmpeg.
-    draft : path to write.
-    pictures : consumed one at a time.
-    rate_hz : pictures per second of playback.
+    rate_hz : pictures per second of playback
     """
     writer = ffmpeg.write_frames(str(draft), (WIDTH, HEIGHT), fps=rate_hz, quality=8, macro_block_size=2)
     writer.send(None)

@@ -13,8 +13,13 @@ from rso_lidar import units
 from rso_lidar.files import check_writable
 from rso_lidar.picture.frames.panels import draw_error, draw_intensity, draw_parts, draw_range
 from rso_lidar.picture.frames.part_colours import PartKey
-from rso_lidar.picture.selection.sequence import find_target_pixels, format_start, on_target, pixel_rad, target_ranges_m
-from rso_lidar.picture.selection.window import bounding_window, crop
+from rso_lidar.picture.selection.sequence import (
+    choose_window,
+    find_target_returns,
+    format_start,
+    pixel_rad,
+    target_ranges_m,
+)
 from rso_lidar.picture.style.figures import SMALL_PT, TEXT_PT, new_figure, use_minus_sign
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.style.palette import LIGHT, QUIET, Scheme
@@ -33,9 +38,9 @@ def save_frame(frame: Frame, path: str | Path, scheme: Scheme = LIGHT) -> Path:
 
     Parameters
     ----------
-    frame : to be drawn.
-    path : of the picture; an existing file is replaced.
-    scheme : `LIGHT` or `DARK`.
+    frame : to be drawn
+    path : of the picture; an existing file is replaced
+    scheme : `LIGHT` or `DARK`
 
     Returns
     -------
@@ -53,15 +58,15 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
 
     Parameters
     ----------
-    frame : what is drawn.
+    frame : what is drawn
     parts : which parts get a colour of their own where there are more parts than colours, the first first (none:
-        those with most pixels); `parts_in_order` of all frames of a series gives a part one colour in all.
+        those with most pixels); `rank_parts` of all frames of a series gives a part one colour in all
 
     Returns
     -------
     Figure
     """
-    window = crop(bounding_window(find_target_pixels(frame)))
+    window = choose_window(frame)
     figure = new_figure(WIDTH_IN, 9.0, frame.source.title, summarize_frame(frame), tuple(_describe_geometry(frame)))
     panels = figure.subplots(2, 2, squeeze=True)
     draw_range(panels[0, 0], frame, window)
@@ -78,9 +83,18 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
 
 
 def summarize_frame(frame: Frame) -> str:
-    """Describe a frame in one line: number, instant, range, returns, photons."""
+    """Describe a frame in one line: number, instant, mean range of the targets' returns, returns and expected photons.
+
+    Parameters
+    ----------
+    frame : of a run or a recording
+
+    Returns
+    -------
+    str
+    """
     words = [f"frame {frame.index}", f"{frame.time_s:,.3f} s after {format_start(frame)}"]
-    returned = on_target(frame)
+    returned = find_target_returns(frame)
     if returned.any():
         words.append(f"mean range {float(np.mean(frame.range_m[returned], dtype=float)):,.2f} m")
     words.append(f"{int(frame.valid.sum()):,} returns")

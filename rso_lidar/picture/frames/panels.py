@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.frames.part_colours import PartKey, choose_part_colours, count_parts, find_part_name
-from rso_lidar.picture.selection.scale import count_limits, nice_down, nice_up
-from rso_lidar.picture.selection.sequence import find_shown_returns, on_target, pixel_rad
+from rso_lidar.picture.frames.part_colours import PartKey, colour_parts, find_part_name
+from rso_lidar.picture.selection.scale import Scale
+from rso_lidar.picture.selection.sequence import find_target_returns, pixel_rad
 from rso_lidar.picture.selection.window import Window
 from rso_lidar.picture.style.colour_maps import ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
 from rso_lidar.picture.style.figures import (
@@ -20,6 +20,8 @@ from rso_lidar.picture.style.figures import (
     THICK_PT,
     THIN_PT,
     WIDE_PT,
+    round_down,
+    round_up,
     use_minus_sign,
 )
 from rso_lidar.picture.style.palette import (
@@ -58,12 +60,8 @@ def _show(
 
     Parameters
     ----------
-    axes : where to draw.
-    values : (row, col).
-    window : the part of the field shown.
-    colours : a colour map.
-    low, high : limits of the colours.
-    logarithmic : whether colours follow the logarithm.
+    values : (row, col)
+    logarithmic : whether colours follow the logarithm
     """
     from matplotlib.colors import LogNorm, Normalize
 
@@ -78,8 +76,8 @@ def _draw_bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, lo
 
     Parameters
     ----------
-    axes, drawn, label : the panel, the image that the bar explains, and its label.
-    extend, logarithmic : its open ends ("neither", "both", "min", "max"), and whether its scale is logarithmic.
+    axes, drawn, label : the panel, the image that the bar explains, and its label
+    extend, logarithmic : its open ends ("neither", "both", "min", "max"), and whether its scale is logarithmic
     """
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 
@@ -96,27 +94,9 @@ def _draw_bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, lo
 
 
 def _write_heading(axes: Axes, text: str, note: str = "") -> None:
-    """Write the heading of a panel.
-
-    Parameters
-    ----------
-    axes, text, note : the panel, and its heading on the left and on the right.
-    """
+    """Write the heading of a panel."""
     axes.set_title(text, loc="left", fontsize=HEADING_PT, color=INK)
     axes.set_title(note, loc="right", fontsize=SMALL_PT, color=QUIET)
-
-
-def range_limits_m(*frames: Frame) -> tuple[float, float]:
-    """Return the limits [m] of the range's colours: 1st and 99th percentile of the target's returns.
-
-    Of several frames, the limits span those of each, however few returns one has.
-    """
-    shown = find_shown_returns(frames)
-    ends = [np.percentile(frame.range_m[of], [1, 99]) for frame, of in zip(frames, shown, strict=True) if of.any()]
-    low, high = min((end[0] for end in ends), default=0.0), max((end[1] for end in ends), default=1.0)
-    if high - low < 0.1:  # a flat target: its noise does not fill the ramp
-        low, high = low - 0.05, high + 0.05
-    return float(low), float(high)
 
 
 def draw_range(axes: Axes, frame: Frame, window: Window) -> None:
@@ -124,13 +104,14 @@ def draw_range(axes: Axes, frame: Frame, window: Window) -> None:
 
     Parameters
     ----------
-    axes : where to draw.
-    frame : the frame.
-    window : the part of the field shown.
+    axes : where to draw
+    frame : the frame
+    window : the part of the field shown
     """
     from matplotlib import colormaps
 
-    low, high = range_limits_m(frame)
+    scale = Scale.of_frames(frame)
+    low, high = scale.low_m, scale.high_m
     colours = colormaps[RANGE_RAMP].with_extremes(bad=NO_RETURN)
     drawn = _show(axes, frame.range_m, window, colours, low, high)
     shown = window.cut(frame.range_m)
@@ -161,31 +142,26 @@ def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
 
     Parameters
     ----------
-    axes : where to draw.
-    frame : the frame.
-    window : the part of the field shown.
+    axes : where to draw
+    frame : the frame
+    window : the part of the field shown
     """
     from matplotlib.colors import ListedColormap
 
-    counts = frame.intensity_counts.astype(float)
-    (on,) = find_shown_returns([frame])
-    low, high, logarithmic = count_limits([counts[on]] if on.any() else [])
+    counts, scale = frame.intensity_counts.astype(float), Scale.of_frames(frame)
+    low, high, logarithmic = scale.low_counts, scale.high_counts, scale.logarithmic
     shown = window.cut(np.where(counts > 0, counts, np.nan))
-    if not logarithmic:
-        high = max(float(counts.max()), 1.0)
     below, above = bool((shown < low).any()), bool((shown > high).any())
     colours = ListedColormap(ramp(INTENSITY_RAMP) / 255.0).with_extremes(bad=NO_LIGHT)
     drawn = _show(axes, np.where(counts > 0, counts, np.nan), window, colours, low, high, logarithmic=logarithmic)
     extend = ("neither", "min", "max", "both")[below + 2 * above]
     _draw_bar(axes, drawn, _caption("intensity_counts"), extend, logarithmic=logarithmic)
     saturated = int(frame.saturated.sum())
-    _write_heading(
-        axes, "Intensity, logarithmic" if logarithmic else "Intensity", f"{saturated:,} saturated" if saturated else ""
-    )
-    seen = frame.range_m[on_target(frame)]
+    _write_heading(axes, scale.intensity_words[0], f"{saturated:,} saturated" if saturated else "")
+    seen = frame.range_m[find_target_returns(frame)]
     pixel_m = pixel_rad(frame) * float(np.median(seen)) if seen.size else 0.0
     if pixel_m > 0:
-        length_m = nice_down(0.3 * pixel_m * window.width)
+        length_m = round_down(0.3 * pixel_m * window.width)
         x, y = window.left + 0.04 * window.width - 0.5, window.bottom - 0.05 * window.height - 0.5
         flat: dict[str, Any] = {"scalex": False, "scaley": False}
         ends = [x, x + length_m / pixel_m]
@@ -202,18 +178,16 @@ def draw_parts(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKey
 
     Parameters
     ----------
-    axes, frame, window, parts : the panel, frame, rows and columns shown, and parts that have a colour of their own.
+    axes, frame, window, parts : the panel, frame, rows and columns shown, and parts that have a colour of their own
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
     there = frame.labels.target >= 0
-    kinds, places, counts = count_parts(frame)
+    coloured = colour_parts(frame, parts)
+    kinds, counts, colour, named = coloured.kinds, coloured.counts, coloured.colours, len(PARTS)
     order = np.argsort(-counts, kind="stable")
-    named = len(PARTS)
-    colour = choose_part_colours(frame, kinds, order, parts)
-    shown = np.full(there.shape, np.nan)
-    shown[there] = colour[places.reshape(-1)]
+    shown = np.where(there, coloured.image, np.nan)
     colours = ListedColormap([*PARTS, OTHER_PART]).with_extremes(bad=NO_RETURN)
     _show(axes, shown, window, colours, -0.5, named + 0.5)
     entries = [
@@ -260,7 +234,7 @@ def draw_error(axes: Axes, frame: Frame, window: Window) -> None:
 
     Parameters
     ----------
-    axes, frame, window : the panel, the frame, and the rows and columns shown.
+    axes, frame, window : the panel, the frame, and the rows and columns shown
     """
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
@@ -270,7 +244,7 @@ def draw_error(axes: Axes, frame: Frame, window: Window) -> None:
     error_cm = (frame.range_m.astype(float) - frame.labels.range_m) / units.CM
     single = np.isfinite(error_cm) & (frame.labels.cluster_count == 1)
     judged = error_cm[single] if single.any() else error_cm[np.isfinite(error_cm)]
-    limit = nice_up(float(np.percentile(np.abs(judged), 99))) if judged.size else 1.0
+    limit = round_up(float(np.percentile(np.abs(judged), 99))) if judged.size else 1.0
     colours = colormaps[ERROR_RAMP].with_extremes(bad=NO_RETURN)
     drawn = _show(axes, error_cm, window, colours, -limit, limit)
     missed, false = there & ~frame.valid, frame.valid & ~there & bool(there.any())

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.selection.scale import Scale, nice_down
+from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail
 from rso_lidar.picture.selection.window import Window
 from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP, ramp
+from rso_lidar.picture.style.figures import round_down
 from rso_lidar.picture.style.palette import (
     IMAGE_MARK,
     IMAGE_WHITE,
@@ -41,7 +42,7 @@ def load_font(size: int, bold: bool = False) -> FreeTypeFont:
     return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name, size)
 
 
-def write_raster(
+def draw_text(
     draw: ImageDraw,
     x: float,
     y: float,
@@ -51,28 +52,29 @@ def write_raster(
     anchor: str = "la",
     bold: bool = False,
 ) -> float:
-    """Write a line of text and return where it ends [pixels from the left].
+    """Draw a line of text on a canvas of pixels.
 
     Parameters
     ----------
-    draw : the canvas.
-    x, y : position [pixels].
-    text, size, colour, bold : what to write, and how.
-    anchor : Pillow's anchor of the position.
+    draw : the canvas, Pillow's drawing of an image
+    x, y : position [pixels], right and down
+    text : the line
+    size : height of the font [pixels]
+    colour : such as ``"#1c1e22"``
+    anchor : Pillow's anchor of the position; ``"la"`` is the upper left corner
+    bold : whether the letters are bold
+
+    Returns
+    -------
+    float
+        Where the line ends, if it is anchored at the left [pixels from the left].
     """
     draw.text((x, y), text, fill=colour, font=load_font(size, bold), anchor=anchor)
     return x + float(draw.textlength(text, font=load_font(size, bold)))
 
 
 def shorten(draw: ImageDraw, text: str, size: int, width: float, bold: bool = False) -> str:
-    """Shorten a line of text at its end to fit `width` [pixels].
-
-    Parameters
-    ----------
-    draw : the canvas, which measures.
-    text, size, bold : the line and its font.
-    width : the room.
-    """
+    """Shorten a line of text at its end to fit `width` [pixels]."""
     if draw.textlength(text, font=load_font(size, bold)) <= width:
         return text
     while text and draw.textlength(text + "…", font=load_font(size, bold)) > width:
@@ -85,9 +87,13 @@ def draw_panel(rgb: np.ndarray, side: int, background: str) -> Image:
 
     Parameters
     ----------
-    rgb : (row, col, rgb) bytes.
-    side : of the square [pixels].
-    background : colour where the array is not square.
+    rgb : (row, col, rgb) bytes
+    side : of the square [pixels]
+    background : colour where the array is not square
+
+    Returns
+    -------
+    PIL.Image.Image
     """
     from PIL import Image
 
@@ -110,11 +116,7 @@ def draw_pair(thumbnail: Thumbnail, scale: Scale, window: Window, side: int, sch
 
     Parameters
     ----------
-    thumbnail : the frame.
-    scale : limits of the colours.
-    window : the part of the field shown.
-    side : of each panel [pixels].
-    scheme : colour of the gap between them.
+    side : of each panel [pixels]
     """
     from PIL import Image, ImageDraw
 
@@ -147,21 +149,19 @@ def _draw_scale_bar(draw: ImageDraw, x: float, y: float, side: int, across_m: fl
 
     Parameters
     ----------
-    draw : the canvas.
-    x, y : lower left corner of the bar [pixels].
-    side : of the panel [pixels].
-    across_m : width of the panel at the target's range.
+    x, y : lower left corner of the bar [pixels]
+    side : of the panel [pixels]
     """
     if not (math.isfinite(across_m) and across_m > 0):
         return
-    length_m = nice_down(0.34 * across_m)
+    length_m = round_down(0.34 * across_m)
     long = side * length_m / across_m
     text, size = f"{length_m:g} m", max(10, side // 28)
     left, top, right, _ = draw.textbbox((x, y - 3), text, font=load_font(size), anchor="ld")
     draw.rectangle((left - 2, top - 1, right + 2, y), fill=NO_LIGHT)  # saturated pixels are as white as the text
     draw.rectangle((x - 2, y - 2, x + long + 2, y + 4), fill=NO_LIGHT)
     draw.rectangle((x, y, x + long, y + 2), fill=IMAGE_WHITE)
-    write_raster(draw, x, y - 3, text, size, IMAGE_WHITE, anchor="ld")
+    draw_text(draw, x, y - 3, text, size, IMAGE_WHITE, anchor="ld")
 
 
 def _draw_locator(draw: ImageDraw, right: int, top: int, side: int, window: Window) -> None:
@@ -169,10 +169,8 @@ def _draw_locator(draw: ImageDraw, right: int, top: int, side: int, window: Wind
 
     Parameters
     ----------
-    draw : the canvas.
-    right, top : its upper right corner [pixels].
-    side : its longer side [pixels].
-    window : the crop.
+    right, top : its upper right corner [pixels]
+    side : its longer side [pixels]
     """
     longest = max(window.n_rows, window.n_cols)
     wide, high = side * window.n_cols / longest, side * window.n_rows / longest
@@ -190,11 +188,8 @@ def _draw_bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name
 
     Parameters
     ----------
-    draw : Pillow's drawing of the picture.
-    x, y : left upper corner [pixels].
-    width, height : of the bar [pixels].
-    name : of the colour ramp.
-    outline : its colour.
+    x, y : left upper corner [pixels]
+    width, height : of the bar [pixels]
     """
     colours = ramp(name)
     for k in range(width):
@@ -210,12 +205,9 @@ def draw_legend(
 
     Parameters
     ----------
-    draw : the canvas.
-    x, y : upper left corner [pixels].
-    scale : limits of the colours.
-    width : most pixels that the row may take.
-    size : of the letters [pixels].
-    scheme : colours of the words.
+    x, y : upper left corner [pixels]
+    width : most pixels that the row may take
+    size : of the letters [pixels]
     """
     rows = ((scale.range_words, RANGE_RAMP), (scale.intensity_words, INTENSITY_RAMP))
     texts = [draw.textlength("".join(words), font=load_font(size)) for words, _ in rows]
@@ -224,9 +216,9 @@ def draw_legend(
     long = int(min(max(room // 2, 60), 200))
     here = x
     for (title, low, high), name in rows:
-        here = write_raster(draw, here, y, title, size, scheme.ink) + 10
-        here = write_raster(draw, here, y, low, size, scheme.quiet) + 6
+        here = draw_text(draw, here, y, title, size, scheme.ink) + 10
+        here = draw_text(draw, here, y, low, size, scheme.quiet) + 6
         _draw_bar(draw, here, y + 2, long, size - 1, name, scheme.rule)
-        here = write_raster(draw, here + long + 6, y, high, size, scheme.quiet) + 24
+        here = draw_text(draw, here + long + 6, y, high, size, scheme.quiet) + 24
     draw.rectangle((here, y + 1, here + size, y + 1 + size), fill=NO_RETURN)
-    write_raster(draw, here + size + 6, y, "no return", size, scheme.ink)
+    draw_text(draw, here + size + 6, y, "no return", size, scheme.ink)

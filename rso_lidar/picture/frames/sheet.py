@@ -9,14 +9,13 @@ from pathlib import Path
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, shorten, write_raster
+from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, draw_text, shorten
 from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import Thumbnail, on_target, pick
+from rso_lidar.picture.selection.sequence import Thumbnail, find_target_returns, pick
 from rso_lidar.picture.selection.window import Window, crop
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.records import Frame
 
-SHEET_SUFFIXES = (".png",)
 SIDE = 192  # pixels of one panel
 CAPTION = 40  # pixels under a cell
 MARGIN = 24
@@ -36,10 +35,10 @@ def contact_sheet(
 
     Parameters
     ----------
-    frames : a sequence, a recording or an iterator.
-    path : of the PNG.
-    columns, rows : most cells across and down.
-    scheme : `LIGHT` or `DARK`.
+    frames : a sequence, a recording or an iterator
+    path : of the PNG
+    columns, rows : most cells across and down
+    scheme : `LIGHT` or `DARK`
 
     Returns
     -------
@@ -51,7 +50,7 @@ def contact_sheet(
     """
     from PIL import Image, ImageDraw
 
-    place = check_writable(path, SHEET_SUFFIXES, overwrite=True)
+    place = check_writable(path, (".png",), overwrite=True)
     if columns < 1 or rows < 1:
         raise RecordingError(f"a contact sheet of {columns} columns and {rows} rows; give 1 or more of each")
     thumbnails, total = pick(frames, columns * rows, _look)
@@ -65,12 +64,12 @@ def contact_sheet(
     draw = ImageDraw.Draw(page)
     first, last = thumbnails[0], thumbnails[-1]
     inner = width - 2 * MARGIN
-    write_raster(draw, MARGIN, 14, shorten(draw, first.title, 20, inner, bold=True), 20, scheme.ink, bold=True)
+    draw_text(draw, MARGIN, 14, shorten(draw, first.title, 20, inner, bold=True), 20, scheme.ink, bold=True)
     count = f"{len(thumbnails)} of {total} frames" if len(thumbnails) < total else f"{total} frame{'s' * (total != 1)}"
     span = (
         f"{count}, {first.time_s:,.1f} s to {last.time_s:,.1f} s after {first.start_utc}; left range, right intensity"
     )
-    write_raster(draw, MARGIN, 40, shorten(draw, span, 12, inner), 12, scheme.quiet)
+    draw_text(draw, MARGIN, 40, shorten(draw, span, 12, inner), 12, scheme.quiet)
     for k, thumbnail in enumerate(thumbnails):
         x = MARGIN + (k % columns) * (cell_width + SPACE)
         y = HEAD + (k // columns) * (SIDE + CAPTION + SPACE // 2)
@@ -79,11 +78,11 @@ def contact_sheet(
         seen = thumbnail.median_m == thumbnail.median_m
         range_m = thumbnail.median_m if seen else thumbnail.true_range_m
         said = f"{range_m:,.1f} m" + ("" if seen else " (truth)") if math.isfinite(range_m) else "no target"
-        write_raster(draw, x, y + SIDE + 5, said, 14, scheme.ink, bold=True)
-        write_raster(draw, x + cell_width, y + SIDE + 6, f"{thumbnail.time_s:,.1f} s", 13, scheme.ink, anchor="ra")
-        write_raster(draw, x, y + SIDE + 23, f"{thumbnail.returns:,} returns", 12, scheme.quiet)
+        draw_text(draw, x, y + SIDE + 5, said, 14, scheme.ink, bold=True)
+        draw_text(draw, x + cell_width, y + SIDE + 6, f"{thumbnail.time_s:,.1f} s", 13, scheme.ink, anchor="ra")
+        draw_text(draw, x, y + SIDE + 23, f"{thumbnail.returns:,} returns", 12, scheme.quiet)
         field = f"whole field, {window.size_text}" if window.whole else f"crop {window.size_text}"
-        write_raster(draw, x + cell_width, y + SIDE + 23, field, 12, scheme.quiet, anchor="ra")
+        draw_text(draw, x + cell_width, y + SIDE + 23, field, 12, scheme.quiet, anchor="ra")
     draw_legend(draw, MARGIN, height - FOOT - 4, scale, inner, scheme=scheme)
     with write_atomically(place) as draft:
         page.save(draft, optimize=True)
@@ -93,7 +92,7 @@ def contact_sheet(
 def _look(frame: Frame) -> Thumbnail:
     """Return the thumbnail of a frame; its bounds are the whole field if it holds stray returns only."""
     thumbnail = Thumbnail.of(frame)
-    if (frame.labels.target >= 0).any() or on_target(frame).any():
+    if (frame.labels.target >= 0).any() or find_target_returns(frame).any():
         return thumbnail
     n_rows, n_cols = frame.valid.shape
     return replace(thumbnail, bounds=Window(0, n_rows, 0, n_cols, n_rows, n_cols))

@@ -58,12 +58,12 @@ def angles_figure(
 
     Parameters
     ----------
-    source : a Truth batched over epochs, with the lidar in it, or frames.
-    target : name of the target; by default the first.
-    title : of the figure; by default that of the recording.
-    half_field_rad : half the side of the field of view [rad], drawn as a limit.
+    source : a Truth batched over epochs, with the lidar in it, or frames
+    target : name of the target; by default the first
+    title : of the figure; by default that of the recording
+    half_field_rad : half the side of the field of view [rad], drawn as a limit
     shadow_s : spans [s] in which the Earth hides the Sun from the target, infinite where they continue. By default
-        from the frames, to half a step.
+        from the frames, to half a step
 
     Returns
     -------
@@ -134,10 +134,10 @@ def ptu_figure(
 
     Parameters
     ----------
-    title : of the figure; by default that of the recording.
-    source : instants (time) [s] with the PTU's angles at each, or frames.
-    travel_rad : the ends of pan and of tilt [rad], drawn where finite and near.
-    max_rate_rad_s : the drive's greatest rate [rad/s], drawn where finite.
+    title : of the figure; by default that of the recording
+    source : instants (time) [s] with the PTU's angles at each, or frames
+    travel_rad : the ends of pan and of tilt [rad], drawn where finite and near
+    max_rate_rad_s : the drive's greatest rate [rad/s], drawn where finite
 
     Returns
     -------
@@ -250,9 +250,8 @@ def _draw_limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> N
 
     Parameters
     ----------
-    axes : where to draw.
-    ends : the limits [deg or deg/s].
-    rates : whether they are rates.
+    ends : the limits [deg or deg/s]
+    rates : whether they are rates
     """
     low, high = axes.get_ylim()
     far = []

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.selection.sequence import format_start, on_target, pick, target_ranges_m
+from rso_lidar.picture.selection.sequence import find_target_returns, format_start, pick, target_ranges_m
 from rso_lidar.picture.style.figures import (
     LINE_PT,
     THIN_PT,
@@ -55,7 +55,7 @@ class FrameStatistics:
         """Compute the numbers of a frame; errors are those of pixels with one cluster."""
         labels = frame.labels
         there = labels.target >= 0
-        returned = on_target(frame)
+        returned = find_target_returns(frame)
         photons = np.percentile(labels.photons[there], [10, 50, 90]) if there.any() else (NONE, NONE, NONE)
         judged = returned & (labels.cluster_count == 1)
         error_m = frame.range_m[judged].astype(float) - labels.range_m[judged]
@@ -84,7 +84,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
 
     Parameters
     ----------
-    frames : a sequence, a recording or an iterator; thinned to 600.
+    frames : a sequence, a recording or an iterator; thinned to 600
 
     Returns
     -------

@@ -89,11 +89,11 @@ def inertial_figure(
 
     Parameters
     ----------
-    truth : a batch of epochs.
-    title : the heading.
-    names : bodies to draw (None: all).
+    truth : a batch of epochs
+    title : the heading
+    names : bodies to draw (None: all)
     shadows_s : by body, spans [s] in which the Earth hides the Sun from it, infinite where they continue. The shadow
-        of a missing body is found from the instants, good to half a step.
+        of a missing body is found from the instants, good to half a step
 
     Returns
     -------
@@ -137,8 +137,8 @@ def osculating_orbit_m(position_m: np.ndarray, velocity_m_s: np.ndarray, points:
 
     Parameters
     ----------
-    position_m, velocity_m_s : the state (3), inertial.
-    points : how many.
+    position_m, velocity_m_s : the state (3), inertial
+    points : how many
     """
     momentum = np.cross(position_m, velocity_m_s)
     distance = np.linalg.norm(position_m)
@@ -160,8 +160,8 @@ def is_about_earth(time_s: np.ndarray, position_m: np.ndarray, velocity_m_s: np.
 
     Parameters
     ----------
-    time_s : instants (time,) [s].
-    position_m, velocity_m_s : states there (time, 3), inertial, about the Earth's centre.
+    time_s : instants (time,) [s]
+    position_m, velocity_m_s : states there (time, 3), inertial, about the Earth's centre
     """
     step_s = np.diff(time_s)
     if not step_s.size:
@@ -178,14 +178,7 @@ def _orbits(state: BodyState) -> bool:
 
 
 def _choose_view(normal: np.ndarray, sun: np.ndarray, middle_m: np.ndarray) -> np.ndarray:
-    """Choose the direction to an eye that sees the orbit open, the Earth mostly lit, and the path in front of it.
-
-    Parameters
-    ----------
-    normal : of the orbit.
-    sun : direction to the Sun.
-    middle_m : middle of the path.
-    """
+    """Choose the direction to an eye that sees the orbit open, the Earth mostly lit, and the path in front of it."""
     turn = np.arange(0.0, 360.0, 5.0) * DEG
     north = np.sin(NORTH)
     eyes = np.stack([np.cos(NORTH) * np.cos(turn), np.cos(NORTH) * np.sin(turn), np.full_like(turn, north)], axis=-1)
@@ -218,10 +211,7 @@ def _collect_paths(name: str, truth: Truth, state: BodyState, spans_s: Spans | N
 
     Parameters
     ----------
-    name : of the body.
-    truth : a batch of epochs.
-    state : of the body.
-    spans_s : spans in shadow (None: from the truth).
+    spans_s : spans in shadow (None: from the truth)
     """
     time_s = np.atleast_1d(np.asarray(truth.time_s, dtype=float))
     position_m, velocity_m_s = np.atleast_2d(state.position_m), np.atleast_2d(state.velocity_m_s)
@@ -250,11 +240,6 @@ def _interpolate(at_s: np.ndarray, time_s: np.ndarray, position_m: np.ndarray, v
     """Return positions (time, 3) [m] between instants by cubic Hermite interpolation.
 
     On a circle it is off by a^4 / 384 of the radius for instants that are an angle a apart: 0.5 % at 1.2 rad.
-
-    Parameters
-    ----------
-    at_s : instants wanted.
-    time_s, position_m, velocity_m_s : known instants and states.
     """
     if time_s.size == 1:
         return position_m
@@ -272,10 +257,7 @@ def _draw(axes: Axes, paths: Sequence[_OrbitPath], view: _View, sun: np.ndarray)
 
     Parameters
     ----------
-    axes : where to draw.
-    paths : of the bodies, by name.
-    view : axes of the picture.
-    sun : direction to the Sun.
+    view : axes of the picture
     """
     _draw_earth(axes, view, sun)
     reach = EARTH_RADIUS_M
@@ -317,10 +299,8 @@ def _draw_path(axes: Axes, view: _View, points: np.ndarray, **style: object) -> 
 
     Parameters
     ----------
-    axes : where to draw.
-    view : axes of the picture.
-    points : (point, 3) [m].
-    **style : of the line.
+    view : axes of the picture
+    points : (point, 3) [m]
     """
     x, y, depth = view.project(points)
     label = style.pop("label", None)
@@ -338,9 +318,7 @@ def _draw_earth(axes: Axes, view: _View, sun: np.ndarray) -> None:
 
     Parameters
     ----------
-    axes : where to draw.
-    view : axes of the picture.
-    sun : direction to the Sun.
+    view : axes of the picture
     """
     from matplotlib.patches import Circle
 

@@ -100,13 +100,13 @@ def orbit_figure(
 
     Parameters
     ----------
-    source : a Truth batched over epochs, or frames.
-    target : a name (None: the first).
-    impulses : (time [s], change of velocity (3) [m/s] in the axes drawn in), each marked by an arrow.
-    keep_out_m : radius of a keep-out sphere about the target [m].
+    source : a Truth batched over epochs, or frames
+    target : a name (None: the first)
+    impulses : (time [s], change of velocity (3) [m/s] in the axes drawn in), each marked by an arrow
+    keep_out_m : radius of a keep-out sphere about the target [m]
     delta_v_m_s : change of velocity of the whole plan [m/s], continuous thrust included (None: only the impulses
-        count).
-    title : the heading (empty: that of the frames).
+        count)
+    title : the heading (empty: that of the frames)
 
     Returns
     -------
@@ -177,9 +177,7 @@ def _place_labels(axes: Axes, labels: Sequence[Annotation], flown_m: np.ndarray)
 
     Parameters
     ----------
-    axes : the panel.
-    labels : to move.
-    flown_m : (time, [x, y]) the path.
+    flown_m : (time, [x, y]) the path
     """
     pixels = axes.figure.dpi / 72.0
     panel = axes.get_window_extent()
@@ -224,10 +222,7 @@ def _draw_impulses(axes: Axes, path: RelativePath, impulses: Sequence[tuple[floa
 
     Parameters
     ----------
-    axes : the panel.
-    path : of the lidar.
-    impulses : time and change of velocity of each.
-    right, up : indices of the panel's axes.
+    right, up : indices of the panel's axes
     """
     most = max(float(np.linalg.norm(delta_v)) for _, delta_v in impulses) or 1.0
     for time_s, delta_v in impulses:
@@ -244,10 +239,7 @@ def _draw_plane(axes: Axes, path: RelativePath, right: int, up: int, title: str)
 
     Parameters
     ----------
-    axes : the panel.
-    path : of the lidar.
-    right, up : indices of the panel's axes.
-    title : of the panel.
+    right, up : indices of the panel's axes
     """
     x, y = path.position_m[:, right], path.position_m[:, up]
     axes.axhline(0, color=RULE, lw=THIN_PT, zorder=0)

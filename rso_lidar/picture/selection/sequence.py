@@ -29,8 +29,8 @@ def even_indices(n: int, count: int) -> list[int]:
 
     Parameters
     ----------
-    n : length of the sequence.
-    count : greatest number of indices.
+    n : length of the sequence
+    count : greatest number of indices
 
     Returns
     -------
@@ -62,12 +62,6 @@ def pick(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tup
     A sequence (a list, a recording) is read only where it is looked at. Of an iterator, such as `simulate` gives, every
     s-th frame and the last are kept, s doubling whenever too many are held: memory does not grow with its length.
 
-    Parameters
-    ----------
-    frames : a sequence, a recording or an iterator.
-    count : most frames looked at.
-    look : called with each.
-
     Raises
     ------
     RecordingError : if there are no frames.
@@ -88,9 +82,7 @@ def _thin(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tu
 
     Parameters
     ----------
-    frames : an iterator.
-    count : most results returned; up to four times as many are held.
-    look : called with each.
+    count : most results returned; up to four times as many are held
     """
     kept: list[T] = []
     stride, total = 1, 0
@@ -108,10 +100,19 @@ def _thin(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tu
     return [kept[k] for k in even_indices(len(kept), count)], total
 
 
-def on_target(frame: Frame) -> np.ndarray:
-    """Return which returns came from a target (row, col): by the labels, or without labels by their neighbours.
+def find_target_returns(frame: Frame) -> np.ndarray:
+    """Find the returns (row, col) that came from a target: by the labels, or without labels by their neighbours.
 
     Without labels a return with fewer than two returns around it is taken for a false one.
+
+    Parameters
+    ----------
+    frame : with or without labels
+
+    Returns
+    -------
+    ndarray
+        (row, col) bool.
     """
     labelled = frame.labels.target >= 0
     if labelled.any():
@@ -123,18 +124,30 @@ def on_target(frame: Frame) -> np.ndarray:
     return np.asarray(valid & (around_it >= 2))
 
 
-def find_shown_returns(frames: Sequence[Frame]) -> list[np.ndarray]:
-    """Find the returns (row, col) of each frame that limit its colours: those from targets, or all where none has any."""
-    found = [on_target(frame) for frame in frames]
-    return found if any(mask.any() for mask in found) else [np.asarray(frame.valid) for frame in frames]
-
-
 def find_target_pixels(frame: Frame) -> np.ndarray:
     """Find the pixels of interest (row, col): targets by the labels, else returns with neighbours, else any return."""
-    for mask in (frame.labels.target >= 0, on_target(frame), frame.valid):
+    for mask in (frame.labels.target >= 0, find_target_returns(frame), frame.valid):
         if mask.any():
             return np.asarray(mask)
     return np.ones(frame.valid.shape, dtype=bool)
+
+
+def choose_window(*frames: Frame, whole: bool = False) -> Window:
+    """Choose the part of the field that pictures of frames show: a square about their targets, or the whole field.
+
+    Parameters
+    ----------
+    *frames : frames of one focal plane, at least one. Without labels the returns stand for the targets
+    whole : whether to show the whole field
+
+    Returns
+    -------
+    Window
+    """
+    masks = [find_target_pixels(frame) for frame in frames]
+    if whole:
+        return bounding_window(np.zeros(masks[0].shape, bool))
+    return Window.about(np.logical_or.reduce(masks))
 
 
 def target_ranges_m(frame: Frame) -> dict[str, float]:
@@ -161,7 +174,18 @@ def pixel_rad(frame: Frame) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Thumbnail:
-    """Excerpt of a frame: what one cell of a sheet, or one picture of an animation, needs."""
+    """Excerpt of a frame: what one cell of a sheet, or one picture of an animation, needs.
+
+    Parameters
+    ----------
+    time_s : of the flash, since the start [s]
+    title, start_utc : of the run
+    range_m, intensity_counts : (row, col) [m], NaN for no return, and [counts]
+    on_target : (row, col), returns from a target
+    bounds : the part of the field with targets, or with returns
+    true_range_m : range of the nearest target's origin [m], NaN where unknown
+    pixel_rad : angle between adjacent pixels in the middle of the field [rad]
+    """
 
     time_s: float
     title: str
@@ -170,14 +194,23 @@ class Thumbnail:
     intensity_counts: np.ndarray
     on_target: np.ndarray
     bounds: Window
-    true_range_m: float  # nearest target's, NaN where unknown
+    true_range_m: float
     pixel_rad: float
 
     @staticmethod
     def of(frame: Frame) -> Thumbnail:
-        """Make the thumbnail of a frame."""
+        """Make the thumbnail of a frame.
+
+        Parameters
+        ----------
+        frame : with or without labels
+
+        Returns
+        -------
+        Thumbnail
+        """
         ranges_m = target_ranges_m(frame)
-        returned, bounds = on_target(frame), bounding_window(find_target_pixels(frame))
+        returned, bounds = find_target_returns(frame), bounding_window(find_target_pixels(frame))
         if returned.any():  # of a target that is mostly too faint, show what came back
             bounds = grow(bounding_window(returned), bounds)
         return Thumbnail(
@@ -215,10 +248,8 @@ def choose_target(picture: str, target: str | None, targets: Sequence[str], know
 
     Parameters
     ----------
-    picture : its name, for messages.
-    target : name of axes, where the user gives one.
-    targets : names of the targets.
-    known : names of all axes.
+    target : name of axes, where the user gives one
+    known : names of all axes
 
     Raises
     ------

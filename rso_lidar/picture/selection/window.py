@@ -12,7 +12,14 @@ MARGIN = 1.15  # a crop is at least this much larger than what it shows
 
 @dataclass(frozen=True)
 class Window:
-    """Rows `top` to `bottom` and columns `left` to `right`, ends excluded, of a field of `n_rows` by `n_cols`."""
+    """Rows `top` to `bottom` and columns `left` to `right`, ends excluded, of a field of `n_rows` by `n_cols`.
+
+    Parameters
+    ----------
+    top, bottom : first row, and one past the last
+    left, right : first column, and one past the last
+    n_rows, n_cols : size of the field [pixels]
+    """
 
     top: int
     bottom: int
@@ -20,6 +27,16 @@ class Window:
     right: int
     n_rows: int
     n_cols: int
+
+    @staticmethod
+    def about(mask: np.ndarray) -> Window:
+        """Return the square about the True pixels of a mask, with a margin, or the whole field if they fill it.
+
+        Parameters
+        ----------
+        mask : (row, col) bool; without a True pixel the window is the whole field
+        """
+        return crop(bounding_window(mask))
 
     @property
     def height(self) -> int:
@@ -42,7 +59,12 @@ class Window:
         return f"{self.height} × {self.width} px"
 
     def cut(self, array: np.ndarray) -> np.ndarray:
-        """Return the part of an array (row, col, …) inside the window."""
+        """Return the part of an array inside the window.
+
+        Parameters
+        ----------
+        array : (row, col, …) of the field
+        """
         return array[self.top : self.bottom, self.left : self.right]
 
 
@@ -88,9 +110,8 @@ def _span(low: int, high: int, size: int, limit: int) -> tuple[int, int]:
 
     Parameters
     ----------
-    low, high : first pixel and one past the last to centre on.
-    size : pixels wanted.
-    limit : pixels there are.
+    size : pixels wanted
+    limit : pixels there are
     """
     length = min(size, limit)
     start = (low + high - length + 1) // 2

@@ -20,6 +20,10 @@ def ramp(name: str) -> np.ndarray:
     """Return a ramp of 256 colours (step, rgb), as bytes, from matplotlib's maps.
 
     The greys of intensity begin above black, so that the faintest return stands out from none.
+
+    Parameters
+    ----------
+    name : of the ramp, such as `RANGE_RAMP`
     """
     import matplotlib
 
@@ -35,9 +39,9 @@ def apply_ramp(fraction: np.ndarray, name: str, empty: str) -> np.ndarray:
 
     Parameters
     ----------
-    fraction : (…) values, clipped to 0 to 1.
-    name : of the ramp.
-    empty : colour of NaN.
+    fraction : (…) values, clipped to 0 to 1
+    name : of the ramp
+    empty : colour of NaN
     """
     known = np.isfinite(fraction)
     step = np.clip(np.where(known, fraction, 0.0) * 255 + 0.5, 0, 255).astype(np.uint8)
@@ -51,6 +55,10 @@ def fixed_palette(scheme: Scheme = LIGHT) -> tuple[int, ...]:
     """Return 256 colours, flat, for animations: 128 of the range ramp, 110 greys, and those of a scheme.
 
     One palette for all pictures of an animation: nothing flickers, and a file holds it once.
+
+    Parameters
+    ----------
+    scheme : `LIGHT` or `DARK`
     """
     colours = [tuple(int(v) for v in ramp(RANGE_RAMP)[k]) for k in np.linspace(0, 255, 128).round().astype(int)]
     colours += [(int(v), int(v), int(v)) for v in np.linspace(0, 246, 110).round()]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -29,6 +30,7 @@ PAGE_DPI = 120  # of figures in web pages
 
 STYLES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))  # of lines beyond as many as there are colours
 
+ROUND = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # leading digits of the ends of scales
 LINE_IN = 0.17  # height of a line of small print [inches]
 
 
@@ -39,9 +41,13 @@ def new_figure(
 
     Parameters
     ----------
-    width_in, height_in : size of the figure.
-    title, note : the heading.
-    small_print : lines at the foot.
+    width_in, height_in : size of the figure [inches]
+    title, note : the heading, and a line below it
+    small_print : lines at the foot
+
+    Returns
+    -------
+    matplotlib.figure.Figure
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -67,10 +73,10 @@ def style_axes(axes: Axes, title: str = "", x: str = "", y: str = "", note: str 
 
     Parameters
     ----------
-    axes : the plot.
-    title : at the left, above.
-    x, y : labels of the axes.
-    note : at the right, above.
+    axes : the plot
+    title : at the left, above
+    x, y : labels of the axes
+    note : at the right, above
     """
     axes.set_title(title, loc="left", fontsize=HEADING_PT, color=INK)
     axes.set_title(note, loc="right", fontsize=SMALL_PT, color=QUIET)
@@ -84,7 +90,13 @@ def style_axes(axes: Axes, title: str = "", x: str = "", y: str = "", note: str 
 
 
 def style_bar(bar: Colorbar, label: str = "") -> None:
-    """Give a colour bar its label and quiet numbers."""
+    """Give a colour bar its label and quiet numbers.
+
+    Parameters
+    ----------
+    bar : of the figure
+    label : with the unit
+    """
     bar.ax.tick_params(which="both", labelsize=SMALL_PT, color=RULE, labelcolor=QUIET)
     bar.outline.set_edgecolor(RULE)
     bar.set_label(label, fontsize=TEXT_PT, color=QUIET)
@@ -95,26 +107,43 @@ def colour_axis(axes: Axes, side: Literal["left", "right"], colour: str) -> None
 
     Parameters
     ----------
-    axes : the plot.
-    side : of the axis.
-    colour : of the curve.
+    axes : the plot
+    side : of the axis
+    colour : of the curve
     """
     axes.spines[side].set(visible=True, color=colour, linewidth=THICK_PT)
     axes.tick_params(axis="y", which="both", color=colour)
 
 
 def colour_of(number: int) -> tuple[str, Any]:
-    """Return the colour and the line style of a curve by its number."""
+    """Return the colour and the line style of a curve by its number.
+
+    Parameters
+    ----------
+    number : from 0; curves beyond as many as there are colours get another line style
+    """
     return LINES[number % len(LINES)], STYLES[number // len(LINES) % len(STYLES)]
 
 
 def draw_legend(axes: Axes, columns: int = 1) -> None:
-    """Draw a frameless legend in quiet ink where it covers least."""
+    """Draw a frameless legend in quiet ink where it covers least.
+
+    Parameters
+    ----------
+    axes : the plot, whose curves have labels
+    columns : of the legend
+    """
     axes.legend(fontsize=SMALL_PT, frameon=False, loc="best", labelcolor=QUIET, ncols=columns)
 
 
 def widen_short_axis(axes: Axes, least: float) -> None:
-    """Widen an axis of values that spans less than `least`, so that rounding does not look like motion."""
+    """Widen an axis of values that is too short, so that rounding does not look like motion.
+
+    Parameters
+    ----------
+    axes : the plot
+    least : span that the axis of values has at least, in its unit
+    """
     low, high = axes.get_ylim()
     if high - low < least:
         middle = 0.5 * (low + high)
@@ -123,12 +152,27 @@ def widen_short_axis(axes: Axes, least: float) -> None:
 
 
 def shorten(text: str, letters: int) -> str:
-    """Shorten a text to a number of letters, the last of them an ellipsis."""
+    """Shorten a text to a number of letters, the last of them an ellipsis.
+
+    Parameters
+    ----------
+    text : left as it is if it fits
+    letters : most letters
+
+    Returns
+    -------
+    str
+    """
     return text if len(text) <= letters else f"{text[: letters - 1]}…"
 
 
 def format_thousands(*several: Axis) -> None:
-    """Format the ticks of some axes with a comma at each thousand and a true minus."""
+    """Format the ticks of some axes with a comma at each thousand and a true minus.
+
+    Parameters
+    ----------
+    *several : such as ``axes.xaxis``
+    """
     from matplotlib.ticker import FuncFormatter
 
     for axis in several:
@@ -140,8 +184,8 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
 
     Parameters
     ----------
-    axis : the axis.
-    low, high : its ends.
+    axis : the axis
+    low, high : its ends
     """
     from matplotlib.ticker import (
         FixedLocator,
@@ -170,5 +214,52 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
 
 
 def use_minus_sign(number: str) -> str:
-    """Replace the hyphen of a number by a true minus."""
+    """Replace the hyphen of a number by a true minus.
+
+    Parameters
+    ----------
+    number : in digits
+
+    Returns
+    -------
+    str
+    """
     return number.replace("-", "−")
+
+
+def round_up(value: float) -> float:
+    """Return the smallest round number, one of `ROUND` times a power of ten, that is at least `value`.
+
+    Parameters
+    ----------
+    value : positive; 1 is returned for any other and for NaN
+
+    Examples
+    --------
+    >>> [round_up(v) for v in (0.13, 2.1, 7.0)]
+    [0.15, 2.5, 8.0]
+    """
+    if not value > 0:
+        return 1.0
+    power = math.floor(math.log10(value) + 1e-12)
+    for step in ROUND:
+        if step * 10.0**power >= value * (1 - 1e-9):
+            return float(f"{step * 10.0**power:.6g}")
+    return float(10.0 ** (power + 1))
+
+
+def round_down(value: float) -> float:
+    """Return the greatest of 1, 2 and 5 times a power of ten that is at most `value`, such as for a scale bar.
+
+    Parameters
+    ----------
+    value : positive
+
+    Examples
+    --------
+    >>> [round_down(v) for v in (0.13, 2.1, 7.0)]
+    [0.1, 2.0, 5.0]
+    """
+    power = math.floor(math.log10(value) + 1e-12)
+    step = max(step for step in (1.0, 2.0, 5.0) if step * 10.0**power <= value * (1 + 1e-9))
+    return float(f"{step * 10.0**power:.6g}")

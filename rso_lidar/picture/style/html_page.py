@@ -35,7 +35,18 @@ summary { cursor: pointer; color: var(--quiet); }
 
 
 def write_table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> str:
-    """Write an HTML table from cells that are HTML already; each head states whether its column holds numbers."""
+    """Write an HTML table from cells that are HTML already.
+
+    Parameters
+    ----------
+    heads : word (HTML) of each column, and whether it holds numbers, which are set to the right
+    rows : cells (HTML) of each row, as many as there are heads
+
+    Returns
+    -------
+    str
+        A ``<table>`` element.
+    """
     kinds = [' class="n"' if number else "" for _, number in heads]
     top = "".join(f"<th{kind}>{word}</th>" for (word, _), kind in zip(heads, kinds, strict=True))
     lines = (
@@ -50,10 +61,15 @@ def embed_figure(figure: Any, text: str, caption: str = "", scheme: Scheme = LIG
 
     Parameters
     ----------
-    figure : a matplotlib Figure.
-    text : alternative text.
-    caption : caption as HTML.
-    scheme : that of the page.
+    figure : a matplotlib Figure
+    text : alternative text
+    caption : caption as HTML
+    scheme : `LIGHT` or `DARK`, that of the page; the figure keeps its colours
+
+    Returns
+    -------
+    str
+        A ``<figure>`` element that holds the picture as PNG.
     """
     recolour(figure, scheme)
     with io.BytesIO() as held:
@@ -68,9 +84,14 @@ def write_page(title: str, body: Iterable[str], scheme: Scheme = LIGHT) -> str:
 
     Parameters
     ----------
-    title : of the page.
-    body : its elements as HTML.
-    scheme : `LIGHT` or `DARK`.
+    title : of the page
+    body : its elements as HTML
+    scheme : `LIGHT` or `DARK`
+
+    Returns
+    -------
+    str
+        A document that needs no other file.
     """
     roles = {name: getattr(scheme, name) for name in ("paper", "ink", "quiet", "rule", "grid", "shade")}
     colours = "".join(f" --{name}: {colour};" for name, colour in roles.items())

@@ -25,10 +25,10 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = FILE_DPI, scheme: S
 
     Parameters
     ----------
-    figure : what to write.
-    path : of the file; an existing one is replaced.
-    dpi : dots per inch of a PNG.
-    scheme : `LIGHT` or `DARK`; the figure keeps the dark colours.
+    figure : what to write
+    path : of the file; an existing one is replaced
+    dpi : dots per inch of a PNG
+    scheme : `LIGHT` or `DARK`; the figure keeps the dark colours
 
     Returns
     -------
@@ -49,10 +49,10 @@ def save_small_figure(
 
     Parameters
     ----------
-    figure : what to write.
-    path : of the file; an existing one is replaced.
-    scheme : `LIGHT` or `DARK`; the figure keeps the dark colours.
-    metadata : texts of the PNG by keyword, such as ``{"Description": "…"}``.
+    figure : what to write
+    path : of the file; an existing one is replaced
+    scheme : `LIGHT` or `DARK`; the figure keeps the dark colours
+    metadata : texts of the PNG by keyword, such as ``{"Description": "…"}``
 
     Returns
     -------
@@ -82,10 +82,10 @@ def save_figure_or_table(
 
     Parameters
     ----------
-    path : of the file; an existing one is replaced.
-    draw : makes the figure; called only where one is written.
-    table : columns by name.
-    scheme : of a figure, `LIGHT` or `DARK`.
+    path : of the file; an existing one is replaced
+    draw : makes the figure; called only where one is written
+    table : columns by name
+    scheme : of a figure, `LIGHT` or `DARK`
 
     Returns
     -------

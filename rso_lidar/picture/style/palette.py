@@ -17,14 +17,14 @@ class Scheme:
 
     Parameters
     ----------
-    paper : background.
-    ink : titles, and lines that are neither measured nor simulated.
-    quiet : labels, numbers and notes; at least 4.5 : 1 against the background (WCAG 2.2, 1.4.3).
-    rule : axes, and lines that mark a level; at least 3 : 1 (WCAG 2.2, 1.4.11).
-    grid : lines of the grid, fainter on purpose.
-    shade, alarm_shade : a span of time behind curves, such as a shadow, and one that is out of bounds.
-    mark : what the reader is to look at, such as the present instant.
-    lines : blue, orange, green, pink, sky blue and red of curves and categories; at least 3 : 1.
+    paper : background
+    ink : titles, and lines that are neither measured nor simulated
+    quiet : labels, numbers and notes; at least 4.5 : 1 against the background (WCAG 2.2, 1.4.3)
+    rule : axes, and lines that mark a level; at least 3 : 1 (WCAG 2.2, 1.4.11)
+    grid : lines of the grid, fainter on purpose
+    shade, alarm_shade : a span of time behind curves, such as a shadow, and one that is out of bounds
+    mark : what the reader is to look at, such as the present instant
+    lines : blue, orange, green, pink, sky blue and red of curves and categories; at least 3 : 1
     """
 
     paper: str
@@ -78,6 +78,12 @@ OTHER_PART = "#b9bcc2"
 def split_rgb(colour: str) -> Rgb:
     """Return red, green and blue of a colour as bytes.
 
+    Parameters
+    ----------
+    colour : such as ``"#ff7a18"``
+
+    Examples
+    --------
     >>> split_rgb("#ff7a18")
     (255, 122, 24)
     """
@@ -89,7 +95,7 @@ def choose_ink(area: str | tuple[float, ...]) -> str:
 
     Parameters
     ----------
-    area : colour, as text or as shares of red, green and blue.
+    area : colour, as text or as shares of red, green and blue
     """
     red, green, blue = (value / 255 for value in split_rgb(area)) if isinstance(area, str) else area[:3]
     light = 0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2  # relative luminance, about (WCAG 2.2)

@@ -26,8 +26,8 @@ def recolour(figure: Figure, scheme: Scheme) -> None:
 
     Parameters
     ----------
-    figure : drawn in the light scheme; changed in place.
-    scheme : the light scheme changes nothing.
+    figure : drawn in the light scheme; changed in place
+    scheme : the light scheme changes nothing
     """
     if scheme == LIGHT:
         return

@@ -22,7 +22,7 @@ from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.files import write_atomically
 from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import Thumbnail, on_target, pick
+from rso_lidar.picture.selection.sequence import Thumbnail, find_target_returns, pick
 from rso_lidar.picture.style.palette import DARK, NO_RETURN, OTHER_PART, split_rgb
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.pose import ROOT, PoseTree, quaternion_xyzw
@@ -47,7 +47,21 @@ def has_rerun() -> bool:
 
 
 def import_rerun(what: str) -> Any:
-    """Import rerun, which is an extra; `what` names the purpose in the message if it is missing."""
+    """Import rerun, which is an extra.
+
+    Parameters
+    ----------
+    what : purpose of the import, for the message
+
+    Returns
+    -------
+    module
+
+    Raises
+    ------
+    RecordingError
+        If the extra ``view`` is not installed.
+    """
     try:
         import rerun
     except ImportError:
@@ -69,11 +83,23 @@ def write_rerun(
 
     Parameters
     ----------
-    frames : a recording, or some of its frames.
-    path : of the file.
-    shapes : true meshes, each in axes that the truth knows.
-    colour : what the points' colour means, with one scale for all frames.
-    each : the same frames as `frames`, where somebody counts them as they are read.
+    frames : a recording, or some of its frames
+    path : of the file
+    shapes : true meshes, each in axes that the truth knows
+    colour : what the points' colour means, with one scale for all frames
+    each : iterator over the same frames that counts them as they are read (None: `frames`)
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    RecordingError
+        If the extra ``view`` is not installed, or there are no frames.
+    RunError
+        If the file could not be written.
     """
     place = Path(path)
     rerun = import_rerun(str(place))
@@ -102,6 +128,17 @@ def open_rerun(path: str | Path) -> None:
     The viewer listens on this machine alone, and is given a way out that leads nowhere: it would look for newer versions
     and send usage data. On Linux a configuration of its own also tells it to collect none; elsewhere
     `rerun analytics disable` does.
+
+    Parameters
+    ----------
+    path : of the scene
+
+    Raises
+    ------
+    RecordingError
+        If the extra ``view`` is not installed.
+    RunError
+        If the viewer fails.
     """
     import_rerun(str(path))
     with silence_analytics() as environment:
@@ -113,7 +150,12 @@ def open_rerun(path: str | Path) -> None:
 
 
 def viewer_command(path: str | Path) -> list[str]:
-    """Return the command that shows a scene in a viewer of its own, on a port closed to other machines."""
+    """Return the command that shows a scene in a viewer of its own, on a port closed to other machines.
+
+    Parameters
+    ----------
+    path : of the scene
+    """
     return [sys.executable, "-m", "rerun", "--bind", _HERE, "--port", "auto", os.fspath(path)]
 
 
@@ -170,6 +212,11 @@ def paths_of(poses: PoseTree, world: str) -> dict[str, list[str]]:
     """Return the scene path of each of the axes, by name: under its parent in the truth, or under the world.
 
     What hangs on the inertial root hangs on the world instead; the root itself is left out.
+
+    Parameters
+    ----------
+    poses : tree of axes
+    world : name of the scene's root axes, from `world_of`
     """
     paths = {world: [world]}
     for name in poses:
@@ -182,7 +229,12 @@ def paths_of(poses: PoseTree, world: str) -> dict[str, list[str]]:
 
 
 def world_of(frame: Frame) -> str:
-    """Return the root axes of a scene: non-rotating at the first target, or else at the follower."""
+    """Return the name of the root axes of a scene: non-rotating at the first target, or else at the follower.
+
+    Parameters
+    ----------
+    frame : the first one of the scene
+    """
     poses = frame.truth.poses
     names = [entry.name for entry in frame.source.targets if entry.name in poses]
     names += [name for name in ("follower", "lidar") if name in poses]
@@ -199,12 +251,12 @@ class RerunScene:
 
         Parameters
         ----------
-        rerun : the module.
-        first : the first frame.
-        lasts_s : time between the first and last frame [s].
-        shapes : meshes of the targets.
-        scale : colour scales.
-        colour : quantity that colours the point cloud.
+        rerun : the module
+        first : the first frame
+        lasts_s : time between the first and last frame [s]
+        shapes : meshes of the targets
+        scale : colour scales
+        colour : quantity that colours the point cloud
         """
         self.rr, self.first, self.shapes, self.scale, self.colour = rerun, first, shapes, scale, colour
         self.world = world_of(first)
@@ -217,7 +269,12 @@ class RerunScene:
         self.lens: tuple[float, int, int] | None = None
 
     def begin(self, stream: Any) -> None:
-        """Write what does not change: style of the axes, meshes, and the up direction."""
+        """Write what does not change: style of the axes, meshes, and the up direction.
+
+        Parameters
+        ----------
+        stream : of Rerun, to which is logged
+        """
         rr = self.rr
         stream.log(self.paths[self.world], rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         bodies = {shape.target for shape in self.shapes}
@@ -245,7 +302,13 @@ class RerunScene:
         )
 
     def add(self, stream: Any, frame: Frame) -> None:
-        """Write one frame."""
+        """Write one frame.
+
+        Parameters
+        ----------
+        stream : of Rerun, to which is logged
+        frame : with the axes of the first one
+        """
         rr, poses = self.rr, frame.truth.poses
         stream.set_time(TIME, duration=frame.time_s)
         stream.set_time(FRAME, sequence=frame.index)
@@ -324,7 +387,7 @@ class RerunScene:
 
 def _median_m(frame: Frame) -> float:
     """Return the median range [m] of the target's returns, NaN where none came back."""
-    seen = frame.range_m[on_target(frame)]
+    seen = frame.range_m[find_target_returns(frame)]
     return float(np.median(seen)) if seen.size else float("nan")
 
 

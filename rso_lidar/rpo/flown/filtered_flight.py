@@ -147,7 +147,6 @@ class FilteredFlight:
 
         Parameters
         ----------
-        burn : the burn
         axes : (3, 3) rtn axes, as columns
         """
         expected = self._thrusters.mean_factor @ burn.command_m_s
@@ -160,8 +159,6 @@ class FilteredFlight:
 
         Parameters
         ----------
-        flow : of deviations from the path
-        node : where it is
         held : legs that thrust holds, and its errors
         """
         begin_s, end_s = float(flow.node_s[node]), float(flow.node_s[node + 1])
@@ -185,7 +182,6 @@ class FilteredFlight:
 
         Parameters
         ----------
-        leg : the leg
         stage_s : (stage,) the instants [s]
         """
         control = lambda time_s: leg.plan.control_m_s2(np.clip(time_s, leg.from_s, np.nextafter(leg.until_s, -np.inf)))  # noqa: E731

@@ -249,8 +249,6 @@ def _make_flight(motion: Flown, plan: Plan, reference: ReferenceOrbit) -> PlanFl
 
     Parameters
     ----------
-    motion : the part
-    plan : its plan about the body
     reference : orbit of that body
     """
     assert motion.forces is not None

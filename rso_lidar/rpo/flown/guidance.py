@@ -272,10 +272,8 @@ def _shoot(
 
     Parameters
     ----------
-    update : what is known
     aim_s, aim_m : instant [s] and position (3,) [m] of arrival
     velocity : (3,) first guess [m/s]
-    steer : inverse of the derivative of the arrival by the velocity
 
     Returns
     -------
@@ -310,8 +308,6 @@ def check_impulses(guidance: object, found: object, now_s: float) -> tuple[Plann
 
     Parameters
     ----------
-    guidance : who answered
-    found : its answer
     now_s : present instant [s]
 
     Raises

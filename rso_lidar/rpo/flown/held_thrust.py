@@ -102,14 +102,7 @@ class HeldThrustErrors:
 
 
 def hold_legs(plan: Plan, thrusters: Thrusters, seed: int) -> list[HeldThrust]:
-    """Return the thrust that holds the legs of a plan, the last one without end.
-
-    Parameters
-    ----------
-    plan : the plan
-    thrusters : whose errors act
-    seed : of the flight
-    """
+    """Return the thrust that holds the legs of a plan, the last one without end."""
     ends = [*(leg.begin_s for leg in plan.legs[1:]), math.inf]
     return [
         HeldThrust(plan, leg.begin_s, end_s, thrusters.draw_factor(make_generator(seed, HELD_LEGS, number)), number)

@@ -340,8 +340,6 @@ def _integrate(
     ----------
     start : inertial state (3,)
     reference : orbit of the body that is approached
-    forces : on the craft
-    pushes : impulses, burns and held legs
     begin_s : time of the state [s]
     """
     place = tuple(start.position_m.tolist()), tuple(start.velocity_m_s.tolist())

@@ -245,8 +245,6 @@ def make_generator(seed: int, use: int, number: int) -> np.random.Generator:
 
     Parameters
     ----------
-    seed : of the flight
     use : `IMPULSES`, `HELD_LEGS`, `NAVIGATION` or `MEASUREMENTS`
-    number : of the burn, leg, fix or measurement
     """
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(use, number))))

@@ -191,7 +191,6 @@ def check_lengths(operation: Any, mean_motion_rad_s: float, center: CentralBody 
 
     Parameters
     ----------
-    operation : the part
     mean_motion_rad_s : of the body that is approached [rad/s]
     center : body about which that one orbits
     """
@@ -214,8 +213,6 @@ def check_plan(plan: Plan, operation: Any, *, far: bool = False, center: Central
 
     Parameters
     ----------
-    plan : the plan
-    operation : the part it was made from
     far : whether it may go beyond the radius of the body's orbit
     center : body about which the one that is approached orbits
 

@@ -278,7 +278,6 @@ class Plan:
 
         Parameters
         ----------
-        path : drift as a function of time since the failure
         begin_s : start of the leg [s]
         failure_s : instant of the failure, since the start of the leg [s]
         until_s : end of the drift [s]
@@ -298,7 +297,6 @@ class Plan:
 
         Parameters
         ----------
-        leg : the leg
         begin_s, length_s : its begin and length [s]
         span : from, to and step of the samples of the drift [s]
 

@@ -302,7 +302,6 @@ def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[fl
 
     Parameters
     ----------
-    part : the operation
     chief_m, chief_m_s : (3,) state of the chief in inertial axes [m], [m/s]
 
     Returns
@@ -371,7 +370,6 @@ def _find_lowest_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> f
     Parameters
     ----------
     start_m : (3,) position of departure [m]
-    orbit : the transfer
     duration_s : its duration [s]
     """
     once_s = min(duration_s, math.tau / max(_find_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
@@ -384,7 +382,6 @@ def _difference_orbits(chief: BodyState, body: BodyState, time_s: np.ndarray) ->
 
     Parameters
     ----------
-    chief, body : states at the start
     time_s : (time,) time since the start [s]
     """
     there, here = (

@@ -114,9 +114,7 @@ def describe_validity(
     ----------
     position_m : (time, 3) rtn positions [m]
     chief_m, chief_m_s : (3,) state of the chief about the centre of that body [m], [m/s]
-    better : what to use instead, for the sentence
     factor : the neglected second order is `factor` pi rho^2 / r per revolution
-    center : body about which the chief orbits
     """
     farthest_m = float(np.linalg.norm(np.atleast_2d(position_m), axis=-1).max(initial=0.0))
     e = find_eccentricity(chief_m, chief_m_s, center.gm_m3_s2)
@@ -224,11 +222,6 @@ def find_start_state(chief: Trajectory, start_utc: datetime.datetime) -> tuple[n
 def find_mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> float:
     """Return the mean motion of a chief's osculating orbit, by the vis-viva equation and Kepler's third law.
 
-    Parameters
-    ----------
-    chief : trajectory of the chief
-    start_utc : instant
-
     Returns
     -------
     float [rad/s]
@@ -286,11 +279,8 @@ def describe_flattening(
 
     Parameters
     ----------
-    name : name of the model
-    epochs : instants
     chief_m, chief_m_s : (3,) state of the chief about its central body [m], [m/s]
     better : what to use instead, for the sentence; about the Moon there is nothing better
-    center : body about which the chief orbits
     """
     gm = center.gm_m3_s2
     alpha = 2.0 / np.linalg.norm(chief_m) - np.sum(chief_m_s**2) / gm

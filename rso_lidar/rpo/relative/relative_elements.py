@@ -170,8 +170,6 @@ def _find_start_elements(
 
     Parameters
     ----------
-    part : the motion
-    start_utc : instant of the state
     chief_m, chief_m_s : (3,) state of the chief in GCRS axes [m], [m/s]
 
     Returns

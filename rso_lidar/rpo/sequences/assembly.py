@@ -164,7 +164,6 @@ class Assembly:
 
         Parameters
         ----------
-        leg : the leg
         own : plan of its operation
         keep_out : the sphere that its path may not enter
 
@@ -197,7 +196,6 @@ class Assembly:
 
         Parameters
         ----------
-        leg : the leg
         own : plan of its operation
         """
         if leg.until is None:
@@ -262,7 +260,6 @@ def assemble(
     ----------
     name : of the operation
     legs : the legs, each with the sphere that its path may not enter
-    sun : the Sun over the chief, with the state of the chief at the start
     start : position [m] and velocity [m/s] (3,) at the start; None for that of the first leg
 
     Raises

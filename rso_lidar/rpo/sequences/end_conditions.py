@@ -114,13 +114,7 @@ class _Bounds(EndCondition):
     """Base of conditions that a quantity is at most, or at least, some value."""
 
     def _check_one(self, most: float | None, least: float | None, unit: str) -> None:
-        """Raise an error unless exactly one bound is given.
-
-        Parameters
-        ----------
-        most, least : the two bounds
-        unit : with which their keys end
-        """
+        """Raise an error unless exactly one bound is given."""
         if (most is None) == (least is None):
             raise ValueError(f"needs exactly one of at_most_{unit} and at_least_{unit}; give one of them")
 
@@ -259,7 +253,6 @@ class AtPassiveSafety(_Bounds):
 
         Parameters
         ----------
-        flight : path of the leg
         position_m, velocity_m_s : states at which the drifts begin (time, 3) [m], [m/s]
 
         Returns

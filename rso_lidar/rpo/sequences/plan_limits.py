@@ -71,7 +71,6 @@ class PlanLimits:
 
         Parameters
         ----------
-        plan : the plan
         half_angle_deg : angle about the exhaust in which the body may not be [deg]
         range_m : distance from the body up to which that holds [m]
         """

@@ -154,7 +154,6 @@ def _plan_sequence(
 
     Parameters
     ----------
-    part : the sequence
     start_utc : start of the plan; None where the date is unknown
     chief_m, chief_m_s : (3,) state of the chief in inertial axes [m], [m/s]
 

@@ -23,12 +23,6 @@ def list_violations(constraints: Constraints, mission: Mission, preview: Preview
 
     Angles are checked at the epochs of the preview. A keep-out sphere is checked at all times between the first frame and
     the last.
-
-    Parameters
-    ----------
-    constraints : the constraints to check
-    mission : what is flown
-    preview : its preview
     """
     lines = _check_exclusions(constraints, mission, preview)
     lines += [line for target in mission.target for line in _check_keep_out(constraints, mission, preview, target.name)]
@@ -79,12 +73,7 @@ def _locate(poses: PoseTree, apex: str, name: str, n_epochs: int) -> np.ndarray:
 
 
 def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview, target: str) -> list[str]:
-    """List the violations of a keep-out sphere.
-
-    Parameters
-    ----------
-    target : name of the body at the centre of the sphere
-    """
+    """List the violations of a keep-out sphere."""
     radius_m = constraints.radius_m(target)
     if radius_m is None:
         return []
@@ -125,12 +114,7 @@ def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview
 
 
 def _check_corridor(place: str, corridor: Corridor, mission: Mission, preview: Preview) -> list[str]:
-    """List the violations of a corridor.
-
-    Parameters
-    ----------
-    place : of the corridor in the scenario, for the message
-    """
+    """List the violations of a corridor."""
     place_m = _locate(preview.truth.poses, corridor.apex, "follower", len(preview.time_s))
     applies = corridor.applies(place_m)
     angle = corridor.angle_rad(place_m)

@@ -65,7 +65,6 @@ def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, pr
     Parameters
     ----------
     mission, number : the mission, and the index of the target
-    geometry, preview : of the target, and of the whole mission
     """
     target, surfaces = mission.target[number], mission.surfaces_of(number)
     surface = surfaces[0]

@@ -58,12 +58,6 @@ def advise_on_environment(mission: Mission, preview: Preview, constraints: Const
     """List warnings about Sun and Earth near the boresight, and about targets behind the Earth.
 
     A Sun near the field is not reported where `constraints` set an exclusion angle: then they decide.
-
-    Parameters
-    ----------
-    mission : what is flown
-    preview : its preview
-    constraints : what is asked of the mission
     """
     around, glare = compute_sky_geometry(mission, preview), mission.lidar.receiver.glare
     near = constraints is None or constraints.sun_exclusion_deg is None
@@ -80,7 +74,6 @@ def _advise_on_sun(preview: Preview, around: SkyGeometry, *, near: bool, simulat
 
     Parameters
     ----------
-    preview, around : geometry of the mission, and of the bodies around the lidar
     near : whether to warn of a Sun outside the field too
     simulated : whether frames show the Sun and its glare
     """
@@ -118,12 +111,7 @@ def _advise_on_earth(preview: Preview, around: SkyGeometry) -> list[str]:
 
 
 def _advise_on_moon(mission: Mission, preview: Preview, around: SkyGeometry) -> list[str]:
-    """Warn of the Moon's disk in the field of view of a follower that orbits about it.
-
-    Parameters
-    ----------
-    mission, preview, around : the mission, its geometry, and the bodies around the lidar
-    """
+    """Warn of the Moon's disk in the field of view of a follower that orbits about it."""
     if around.moon_m is None or "follower" not in list_lunar_bodies(mission.bodies):
         return []
     radius = earth_angular_radius_rad(around.moon_m - around.position_m, units.MOON_RADIUS_M)
@@ -137,12 +125,7 @@ def _advise_on_moon(mission: Mission, preview: Preview, around: SkyGeometry) -> 
 
 
 def _advise_on_line_of_sight(mission: Mission, preview: Preview, around: SkyGeometry) -> list[str]:
-    """Warn of targets hidden by the Earth, or by the Moon about which the follower orbits.
-
-    Parameters
-    ----------
-    mission, preview, around : the mission, its geometry, and the bodies around the lidar
-    """
+    """Warn of targets hidden by the Earth, or by the Moon about which the follower orbits."""
     lines = []
     for target in mission.target if around.earth else ():
         blocked = line_of_sight_height_m(preview, target.name) < 0.0

@@ -82,14 +82,7 @@ def _describe_affected_parts(
 
 
 def measure_part_depths_m(mission: Mission, preview: Preview, number: int) -> Mapping[str, np.ndarray]:
-    """Measure the depth [m] of each part of a target along the line of sight, at some epochs (time) of a preview.
-
-    Parameters
-    ----------
-    mission : what is flown
-    preview : its preview
-    number : of the target
-    """
+    """Measure the depth [m] of each part of a target along the line of sight, at some epochs (time) of a preview."""
     rows = np.unique(np.linspace(0, len(preview.time_s) - 1, _MOST_EPOCHS).round().astype(int))
     near: dict[str, np.ndarray] = {}
     far: dict[str, np.ndarray] = {}

@@ -21,12 +21,7 @@ def describe_sensors(mission: Mission) -> list[str]:
 
 
 def advise_on_sensors(mission: Mission, preview: Preview) -> list[str]:
-    """List warnings of the other sensors: blinded, without a sample in the run, or without a force to measure.
-
-    Parameters
-    ----------
-    mission, preview : what is flown, and its preview
-    """
+    """List warnings of the other sensors: blinded, without a sample in the run, or without a force to measure."""
     if not mission.sensor:
         return []
     lines = []

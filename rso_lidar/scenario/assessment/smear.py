@@ -22,7 +22,6 @@ def measure_smear(mission: Mission, preview: Preview) -> Smear:
     Parameters
     ----------
     mission : whose frames have several pulses that are sent one after another
-    preview : its geometry
     """
     assert mission.exposure is not None
     poses = preview.truth.poses

@@ -16,14 +16,7 @@ _LOUDER = 1.05  # noise in stray light over noise in the dark, from which a warn
 
 
 def advise_on_glare(mission: Mission, preview: Preview, around: SkyGeometry) -> list[str]:
-    """Warn of stray light that makes pixels noisier, at the worst of a few epochs; nothing without glare.
-
-    Parameters
-    ----------
-    mission : what is flown
-    preview : its preview
-    around : Sun, Earth and Moon about the lidar
-    """
+    """Warn of stray light that makes pixels noisier, at the worst of a few epochs; nothing without glare."""
     if mission.lidar.receiver.glare is None:
         return []
     if mission.is_local and mission.world.sun_direction is None:

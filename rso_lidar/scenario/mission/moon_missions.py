@@ -33,11 +33,6 @@ def check_lunar_orbits(
 ) -> None:
     """Check that nothing is asked of bodies about the Moon that is modelled for the Earth only.
 
-    Parameters
-    ----------
-    bodies : targets, then the follower
-    world, lidar, sensors, dispersion : tables of the mission
-
     Raises
     ------
     ValueError

@@ -15,11 +15,6 @@ from rso_lidar.sensors import RelativeGnss, ThrusterTelemetry, WheelTelemetry, r
 def check_sensors(sensors: Sequence[Any], targets: Sequence[Body], follower: Body) -> None:
     """Check names of sensors, and that what they measure exists.
 
-    Parameters
-    ----------
-    sensors : parts, and users' objects
-    targets, follower : bodies of the mission
-
     Raises
     ------
     ValueError
@@ -52,7 +47,6 @@ def check_tracked_name(tracked: str | None, bodies: Sequence[Body]) -> None:
     Parameters
     ----------
     tracked : name of a body, or of axes that it declares; None where the PTU tracks nothing
-    bodies : targets, then the follower, which cannot be tracked
 
     Raises
     ------

@@ -40,7 +40,6 @@ def build_surfaces(
 
     Parameters
     ----------
-    target : the target
     number : its index in the scenario
     file : finds a file that the scenario names
     wavelength_m : of the laser [m]
@@ -146,12 +145,7 @@ class _SurfaceForm(NamedTuple):
 
 
 def _build(form: _SurfaceForm, material: Material | None, part_materials: tuple[tuple[str, Material], ...]) -> Surface:
-    """Build a surface.
-
-    Parameters
-    ----------
-    material, part_materials : of all parts, and of single parts by name
-    """
+    """Build a surface."""
     made = build_surface(
         form.name,
         form.mesh,
@@ -176,8 +170,6 @@ def place_mesh(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[fl
 
     Parameters
     ----------
-    target : the target
-    mesh : its mesh
     entry : its model in the catalogue, None for a path or terrain
     """
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)

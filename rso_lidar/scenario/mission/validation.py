@@ -232,13 +232,7 @@ def _split_place(place: str) -> list[str]:
 
 
 def _descend_to(here: Any, step: str, where: str) -> Any:
-    """Return the table or list inside a TOML tree that one step of a key leads to.
-
-    Parameters
-    ----------
-    here, step : a table or list, and a key or entry of it
-    where : start of error messages
-    """
+    """Return the table or list inside a TOML tree that one step of a key leads to."""
     inner = here[_find_entry(here, step, where)] if isinstance(here, list) else here.setdefault(step, {})
     if not isinstance(inner, dict | list):
         raise SettingError(f"{where}: '{step}' is a value, not a table; shorten the key")
@@ -246,12 +240,7 @@ def _descend_to(here: Any, step: str, where: str) -> Any:
 
 
 def _find_entry(entries: list[Any], step: str, where: str) -> int:
-    """Return the index of an entry of a list.
-
-    Parameters
-    ----------
-    where : start of error messages
-    """
+    """Return the index of an entry of a list."""
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
     if step in names:
         return names.index(step)

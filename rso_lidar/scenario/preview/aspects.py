@@ -20,10 +20,6 @@ def collect_attitudes(mission: Mission, preview: Preview, number: int, row: int,
 
     Parameters
     ----------
-    mission : what is flown
-    preview : its preview
-    number : of the target
-    row : of the preview's epochs
     most : number of attitudes at most
     """
     name = mission.target[number].name
@@ -60,8 +56,6 @@ def link_surfaces(
 
     Parameters
     ----------
-    mission : what is flown
-    number : of the target
     there : the truth that gives the hinge angles
     place_m, turned : lidar_from_target, as translation (3) [m] and matrix (3, 3)
     """

@@ -139,7 +139,6 @@ def _trace_target(
     Parameters
     ----------
     surfaces : of the target: its body's, and one for each hinge
-    poses : tree with the lidar and the surfaces in it
     half_field : (time, 2) tangents of the half field to the right and down
     """
     seen, _ = poses.place("lidar", name)

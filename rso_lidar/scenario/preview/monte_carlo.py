@@ -102,8 +102,6 @@ def try_pixels(mission: Mission, casts: Sequence[TargetReturns], share: float, t
 
     Parameters
     ----------
-    mission : what is flown
-    casts : flashes
     share : quantile of the pixel in the order by photons, from 0 (dimmest) to 1 (brightest)
     time_s : time whose instrument settings apply [s since start_utc]
     """

@@ -123,10 +123,6 @@ def cast_attitudes(
 
     Parameters
     ----------
-    mission : what is flown
-    preview : its preview
-    number : of the target
-    row : of the preview's epochs
     most : number of attitudes at most
     """
     truths = collect_attitudes(mission, preview, number, row, most)
@@ -141,8 +137,6 @@ def limit_fineness(mission: Mission, truth: Truth, casts: int) -> int:
 
     Parameters
     ----------
-    mission : what is flown
-    truth : one epoch
     casts : number of casts
     """
     return math.isqrt(int(_MOST_RAYS / casts / max(_pixels_in_bounds(mission, truth), 1.0)))

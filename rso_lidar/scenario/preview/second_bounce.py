@@ -34,13 +34,6 @@ class SecondBounce:
 def estimate_second_bounce(mission: Mission, preview: Preview, number: int, row: int) -> SecondBounce | None:
     """Estimate the second bounce of a target near one epoch, whether the scenario asks for it or not.
 
-    Parameters
-    ----------
-    mission : what is flown
-    preview : its preview
-    number : of the target
-    row : of the preview's epochs
-
     Returns
     -------
     That of up to eight attitudes of the target; None where no light returns.

@@ -165,11 +165,6 @@ def line_of_sight_height_m(preview: Preview, target: str) -> np.ndarray:
 def line_height_over_moon_m(mission: Mission, preview: Preview, target: str) -> np.ndarray | None:
     """Return the height (time) [m] at which the line from follower to target passes the Moon.
 
-    Parameters
-    ----------
-    mission, preview : the mission and its geometry
-    target : name of the target
-
     Returns
     -------
     None if the follower does not orbit about the Moon
@@ -182,13 +177,7 @@ def line_height_over_moon_m(mission: Mission, preview: Preview, target: str) -> 
 
 
 def about_center(mission: Mission, preview: Preview, name: str) -> BodyState:
-    """Return the states (time, 3) of a body about the centre of the Earth, or of the Moon if it orbits about that.
-
-    Parameters
-    ----------
-    mission, preview : the mission and its geometry
-    name : of the body
-    """
+    """Return the states (time, 3) of a body about the centre of the Earth, or of the Moon if it orbits about that."""
     return subtract_center(preview.states[name], Chief(mission.bodies, name).center_states(preview.epochs))
 
 

@@ -77,7 +77,6 @@ def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: in
 
     Parameters
     ----------
-    lidar, seen : the instrument, and the light of the flash
     mine : (return) whether it comes from the target
     """
     jitter = lidar.laser.energy_jitter_fraction / math.sqrt(lidar.detector.traits.pulses)
@@ -101,9 +100,7 @@ def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.r
     Parameters
     ----------
     lidar : the instrument that is in force
-    seen : the light of the flash
     mine : (return) whether it comes from the target
-    rng : generator of the noise
     """
     pulses = lidar.detector.traits.pulses
     fired, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
@@ -200,9 +197,6 @@ def find_in_run(mission: Mission, preview: Preview, number: int, row: int, n: in
 
     Parameters
     ----------
-    mission, preview : what is flown, and its preview
-    number : of the target
-    row : of the preview's epochs
     n : number of attitudes and places
     """
     attitudes = collect_attitudes(mission, preview, number, row, n)

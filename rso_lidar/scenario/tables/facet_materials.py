@@ -19,7 +19,6 @@ from rso_lidar.scene import (
     Named,
     Surface,
     complete,
-    format_colours,
     load_materials,
     read_facet_colours,
 )
@@ -50,12 +49,11 @@ def apply_color_materials(surface: Surface, color_materials: Mapping[str, Materi
 
     Parameters
     ----------
-    surface : the surface
     color_materials : material by colour, such as ``#c0c0c0``
     wavelength_m : of the laser [m]
     """
     with add_place("color_materials"):
-        colour = format_colours(read_facet_colours(surface.mesh))[surface.mesh.source_facet]
+        colour = read_facet_colours(surface.mesh)[surface.mesh.source_facet]
         of_colour = {word.lower(): material for word, material in color_materials.items()}
         there = sorted(set(colour))
         for word in of_colour:
@@ -72,8 +70,6 @@ def apply_facet_materials(
 
     Parameters
     ----------
-    surface : the surface
-    facet_materials : which facet has which material
     file : finds a file that the scenario names
     wavelength_m : of the laser [m]
     """
@@ -103,13 +99,7 @@ def _assign_materials(
 
 
 def _find_material(word: str, facet_materials: FacetMaterials, path: Path) -> Material:
-    """Find a material by its name.
-
-    Parameters
-    ----------
-    word : name in the table of the scenario, or in the catalogue
-    facet_materials, path : the table, and its file for the message
-    """
+    """Find a material by its name."""
     if word in facet_materials.materials:
         return facet_materials.materials[word]
     known = [*facet_materials.materials, *load_materials()]

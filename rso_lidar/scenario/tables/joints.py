@@ -78,9 +78,6 @@ def complete_joint(
 
     Parameters
     ----------
-    joint : the hinge as the scenario gives it
-    shape : name of the model, for the message of an error
-    declared : the model's hinges by name
     placement : of the model in body axes; required where it declares hinges
     """
     hinge, angle = declared.get(joint.name), joint.angle

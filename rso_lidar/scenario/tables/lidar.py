@@ -228,10 +228,6 @@ def _with_settings(lidar: Lidar, wanted: tuple[tuple[str, float], ...]) -> Lidar
 def check_instrument(lidar: Lidar) -> None:
     """Read the files of an instrument, which must have been found, and refuse a detector that is too large.
 
-    Parameters
-    ----------
-    lidar : instrument with the paths of its files
-
     Raises
     ------
     ScenarioError

@@ -49,16 +49,16 @@ def bounce(
 
     Parameters
     ----------
-    hits : first facets that rays meet.
-    surfaces : the surfaces of all targets, each in its own axes.
-    truth : where the surfaces are.
-    key : (2) uint32, key of the frame's random words (`philox.draw_key`).
-    threads : number of threads (None: one for each core). The result is the same to the bit.
+    hits : first facets that rays meet
+    surfaces : the surfaces of all targets, each in its own axes
+    truth : where the surfaces are
+    key : (2) uint32, key of the frame's random words (`philox.draw_key`)
+    threads : number of threads (None: one for each core). The result is the same to the bit
 
     Other Parameters
     ----------------
-    laser_from_m : (xyz), position of the laser in lidar axes [m]; None or zeros is in the lens.
-    n_paths : number of paths that begin (None: half of the hits, at least 3000).
+    laser_from_m : (xyz), position of the laser in lidar axes [m]; None or zeros is in the lens
+    n_paths : number of paths that begin (None: half of the hits, at least 3000)
 
     Returns
     -------
@@ -83,9 +83,9 @@ def _can_send(
 
     Parameters
     ----------
-    surfaces, truth : the surfaces, and where they are.
-    number, facet : (hit) numbers of the surface and of its facet.
-    direction : (hit, xyz) of the rays, in lidar axes.
+    surfaces, truth : the surfaces, and where they are
+    number, facet : (hit) numbers of the surface and of its facet
+    direction : (hit, xyz) of the rays, in lidar axes
     """
     can = np.zeros(len(number), bool)
     for k, on in split_by_surface(number, len(surfaces)):
@@ -116,9 +116,9 @@ class _Paths:
 
         Parameters
         ----------
-        hits, surfaces, truth, laser_from_m : as for `bounce`.
-        number, facet, direction : (path) of the hit where each path begins.
-        hit, uniform : as `start_paths` returns them.
+        hits, surfaces, truth, laser_from_m : as for `bounce`
+        number, facet, direction : (path) of the hit where each path begins
+        hit, uniform : as `start_paths` returns them
         """
         self.hits, self.surfaces, self.truth, self.laser_from_m = hits, surfaces, truth, laser_from_m
         self.number, self.facet, self.direction, self.hit, self.uniform = number, facet, direction, hit, uniform
@@ -137,8 +137,7 @@ class _Paths:
 
         Parameters
         ----------
-        k : number of the surface.
-        path : the paths.
+        k : number of the surface
         """
         range_m = self.hits.range_m[self.hit[path]]
         starts = localize_points(self.surfaces, k, self.truth, self.direction[path], self.facet[path], range_m)
@@ -174,11 +173,9 @@ class _Paths:
 
         Parameters
         ----------
-        path : the paths.
-        starts, ends : their two points.
-        toward : (xyz, path) direction from the start to the end, in the axes of the surface where they start.
-        density : (path) with which it was drawn [1/sr].
-        range_m : (path) range of the start [m].
+        toward : (xyz, path) direction from the start to the end, in the axes of the surface where they start
+        density : (path) with which it was drawn [1/sr]
+        range_m : (path) range of the start [m]
         """
         back = -rotate(self.truth.poses.place(ends.surface.name, starts.surface.name), toward)
         end_range_m = self.range_m[path]
@@ -224,12 +221,7 @@ class _Paths:
         return away / distance_m, distance_m
 
     def collect(self, share: float) -> Bounces:
-        """Return the paths with light.
-
-        Parameters
-        ----------
-        share : of a pixel's area for which each path stands.
-        """
+        """Return the paths with light."""
         lit = np.flatnonzero((self.inward > 0.0) | (self.outward > 0.0))
         return Bounces(
             pixel_share=share,

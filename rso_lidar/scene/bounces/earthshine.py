@@ -39,11 +39,11 @@ def add_earthshine(
 
     Parameters
     ----------
-    hits : first facets that rays meet, with the sunlight on each; without, nothing is added.
-    surfaces : the surfaces of all targets, each in its own axes.
-    truth : one epoch: where the surfaces are, with the state of each body about the Earth.
-    albedo : of the Earth.
-    threads : number of threads (None: one for each core). The result is the same to the bit.
+    hits : first facets that rays meet, with the sunlight on each; without, nothing is added
+    surfaces : the surfaces of all targets, each in its own axes
+    truth : one epoch: where the surfaces are, with the state of each body about the Earth
+    albedo : of the Earth
+    threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
     -------
@@ -108,10 +108,6 @@ class EarthDisc:
 def locate_earth(surface: Surface, truth: Truth) -> EarthDisc | None:
     """Locate the Earth in the axes of a surface.
 
-    Parameters
-    ----------
-    surface, truth : the surface, and one epoch at which its body has a state.
-
     Returns
     -------
     The Earth's disc; None below its surface, and where none of its day side is visible.
@@ -139,10 +135,8 @@ def gather(points: LocalHits, ray: np.ndarray, disc: EarthDisc, albedo: float) -
 
     Parameters
     ----------
-    points : on one surface.
-    ray : (hit) number of the ray, which chooses the directions.
-    disc : the Earth in the axes of that surface.
-    albedo : of the Earth.
+    ray : (hit) number of the ray, which chooses the directions
+    disc : the Earth in the axes of that surface
     """
     lobes = find_lobes(points)
     about = packed(lobes), packed(points.base), packed(points.normal), packed(points.to_viewer)

@@ -20,8 +20,7 @@ def find_openings(surfaces: Sequence[Surface], number: int, truth: Truth) -> np.
 
     Parameters
     ----------
-    surfaces, number : all surfaces, and the one whose facets are examined.
-    truth : where the surfaces are.
+    truth : where the surfaces are
 
     Returns
     -------
@@ -63,11 +62,11 @@ def mark_open(
 
     Parameters
     ----------
-    direction : (xyz, hit) unit vectors of the rays, in lidar axes.
-    facet : (hit) number of the facet.
-    turn : (xyz, xyz) rotation body_from_lidar.
-    planes : (4, facet) planes of the facets.
-    openings : (2, facet) as `find_openings` returns them.
+    direction : (xyz, hit) unit vectors of the rays, in lidar axes
+    facet : (hit) number of the facet
+    turn : (xyz, xyz) rotation body_from_lidar
+    planes : (4, facet) planes of the facets
+    openings : (2, facet) as `find_openings` returns them
     """
     is_open = np.empty(len(facet), np.bool_)
     for k in range(len(facet)):

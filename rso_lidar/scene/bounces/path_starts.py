@@ -21,8 +21,7 @@ def number_facets(hits: Hits, surfaces: tuple[Surface, ...]) -> tuple[np.ndarray
 
     Parameters
     ----------
-    hits : the hits, which name facets as their files do.
-    surfaces : the surfaces; several may belong to one target.
+    surfaces : the surfaces; several may belong to one target
     """
     number, facet = np.zeros(len(hits.ray), np.int16), np.zeros(len(hits.ray), np.int32)
     of_target: dict[int, list[int]] = {}
@@ -46,10 +45,9 @@ def start_paths(
 
     Parameters
     ----------
-    hits : the hits.
-    can_send : (hit) whether a path from it can meet another surface.
-    key : (2) uint32, key of the frame's random words.
-    n_paths : wanted number of paths.
+    can_send : (hit) whether a path from it can meet another surface
+    key : (2) uint32, key of the frame's random words
+    n_paths : wanted number of paths
 
     Returns
     -------
@@ -74,11 +72,11 @@ def spread_paths(
 
     Parameters
     ----------
-    pixel : (hit), never falling.
-    area : (hit), share of the pixel's area that may send paths.
-    per_pixel : number of paths for a whole pixel.
-    key : (2) uint32, key of the frame's random words.
-    most : upper bound of the number of paths.
+    pixel : (hit), never falling
+    area : (hit), share of the pixel's area that may send paths
+    per_pixel : number of paths for a whole pixel
+    key : (2) uint32, key of the frame's random words
+    most : upper bound of the number of paths
 
     Returns
     -------

@@ -25,11 +25,10 @@ def localize_points(
 
     Parameters
     ----------
-    surfaces, number : all surfaces, and which of them the points are on.
-    truth : where they are.
-    direction : (path, xyz), unit vectors from the lidar to the points, in lidar axes.
-    facet : (path), number of the facet.
-    range_m : (path), distance from the lidar [m].
+    truth : where they are
+    direction : (path, xyz), unit vectors from the lidar to the points, in lidar axes
+    facet : (path), number of the facet
+    range_m : (path), distance from the lidar [m]
     """
     turned = rotate(truth.poses.place(surfaces[number].name, "lidar"), direction.T)
     plane = surfaces[number].planes[:3, facet]
@@ -52,8 +51,7 @@ def scatter_per_sr(points: LocalHits, light: np.ndarray, viewer: np.ndarray) -> 
 
     Parameters
     ----------
-    points : the points.
-    light, viewer : (xyz, path), unit vectors from the points, in the surface's axes.
+    light, viewer : (xyz, path), unit vectors from the points, in the surface's axes
     """
     above = (dot(points.facing, light) > 0.0) & (dot(points.facing, viewer) > 0.0)
     cos_in, cos_out = (np.clip(dot(points.normal, one), 0.0, 1.0) for one in (light, viewer))

@@ -24,9 +24,9 @@ def find_segments(starts: LocalHits, toward: np.ndarray, asked: np.ndarray) -> S
 
     Parameters
     ----------
-    starts : where the paths begin, on one surface.
-    toward : (xyz, path), unit vectors in the axes of that surface, on the side of `starts.facing`.
-    asked : (path) mask of the paths to follow.
+    starts : where the paths begin, on one surface
+    toward : (xyz, path), unit vectors in the axes of that surface, on the side of `starts.facing`
+    asked : (path) mask of the paths to follow
 
     Returns
     -------
@@ -75,16 +75,15 @@ def meet_surface(
 
     Parameters
     ----------
-    met, facet, near : (ray) number of the surface that is met, its facet and its distance [m], changed in place.
-    number : number of the surface that is tested.
-    point, facing, toward : (xyz, ray), where rays start [m], the facet's normal there, and their direction.
-    off : how far along `facing` rays start from the point [m].
-    origin, turn : pose of those axes in the axes of the surface that is tested.
-    sphere : centre and radius of its bounding sphere [m].
-    planes : (4, facet) planes of its facets.
-    question : address of rtcIntersect.
-    scene : address of the surface's acceleration structure.
-    width : number of rays in a packet.
+    met, facet, near : (ray) number of the surface that is met, its facet and its distance [m], changed in place
+    number : number of the surface that is tested
+    point, facing, toward : (xyz, ray), where rays start [m], the facet's normal there, and their direction
+    off : how far along `facing` rays start from the point [m]
+    origin, turn : pose of those axes in the axes of the surface that is tested
+    sphere : centre and radius of its bounding sphere [m]
+    planes : (4, facet) planes of its facets
+    scene : address of the surface's acceleration structure
+    width : number of rays in a packet
     """
     words = make_packet(width)
     words[0] = 0  # neighbouring rays go anywhere

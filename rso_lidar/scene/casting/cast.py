@@ -34,17 +34,17 @@ def cast(
 
     Parameters
     ----------
-    rays : the rays of one flash, in lidar axes.
-    surfaces : the surfaces of all targets, each in its own axes.
-    truth : where the surfaces are, and the direction of the Sun.
-    threads : number of bands cast in parallel (None: one for each core). The result is the same to the bit.
+    rays : the rays of one flash, in lidar axes
+    surfaces : the surfaces of all targets, each in its own axes
+    truth : where the surfaces are, and the direction of the Sun
+    threads : number of bands cast in parallel (None: one for each core). The result is the same to the bit
 
     Other Parameters
     ----------------
     laser_from_m : (xyz), position of the laser in lidar axes [m]; None or zeros is in the lens. With the laser beside the
-        lens the incidence is the laser's (0 in shadow), and the BRDF takes both directions.
-    sun : whether to compute the sunlight that the hits reflect toward the lidar.
-    aperture_m : diameter of the lens [m], over which lobes narrower than the lens are averaged.
+        lens the incidence is the laser's (0 in shadow), and the BRDF takes both directions
+    sun : whether to compute the sunlight that the hits reflect toward the lidar
+    aperture_m : diameter of the lens [m], over which lobes narrower than the lens are averaged
 
     Returns
     -------
@@ -82,11 +82,9 @@ def _average_over_lens(
 
     Parameters
     ----------
-    hits : hits of all rays.
-    number, facet : (hit) number of the surface, and of its facet.
-    surfaces : all surfaces.
-    laser_from_m : (xyz) position of the laser in lidar axes [m].
-    aperture_m : diameter of the lens [m].
+    number, facet : (hit) number of the surface, and of its facet
+    laser_from_m : (xyz) position of the laser in lidar axes [m]
+    aperture_m : diameter of the lens [m]
 
     Returns
     -------
@@ -119,13 +117,10 @@ def _relight(
 
     Parameters
     ----------
-    hits : hits of all rays.
-    number, facet : (hit) number of the surface, and of its facet.
-    surfaces : all surfaces.
-    truth : where they are.
-    threads : number of threads (None: one for each core).
-    laser_from_m : (xyz) position of the laser in lidar axes [m].
-    sun : whether sunlight is computed.
+    number, facet : (hit) number of the surface, and of its facet
+    threads : number of threads (None: one for each core)
+    laser_from_m : (xyz) position of the laser in lidar axes [m]
+    sun : whether sunlight is computed
 
     Returns
     -------

@@ -1,15 +1,35 @@
 """Contours: lines of the image along which the brightness of a target may change abruptly, as its edges show them."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.records import Contours, Truth
-from rso_lidar.scene.surfaces.edges import find_edges
+from rso_lidar.scene.surfaces.geometry_cache import GeometryCache
 from rso_lidar.scene.surfaces.surface import ANGLES, Surface
 
 _LEAST_DEPTH_M = 1e-6  # nearer to the lidar's plane, or behind it, a point has no image
+_NONE = -1  # instead of a facet or corner
+
+
+@dataclass(frozen=True, eq=False)
+class FacetEdges:
+    """Edges between facets, each once.
+
+    Attributes
+    ----------
+    points : (point, xyz) f8 [m], corners of facets in body axes, each position once
+    ends : (edge, 2) i4, points at both ends
+    facets : (edge, 2) i4, the two facets; the second is -1 on a rim, and where more than two meet
+    beyond : (edge, 2) i4, the third corner of each of them
+    """
+
+    points: np.ndarray
+    ends: np.ndarray
+    facets: np.ndarray
+    beyond: np.ndarray
 
 
 def contours(surfaces: Sequence[Surface], truth: Truth) -> Contours:
@@ -19,8 +39,8 @@ def contours(surfaces: Sequence[Surface], truth: Truth) -> Contours:
 
     Parameters
     ----------
-    surfaces : surfaces of all targets.
-    truth : where they are at one epoch.
+    surfaces : surfaces of all targets
+    truth : where they are at one epoch
 
     Returns
     -------
@@ -28,7 +48,7 @@ def contours(surfaces: Sequence[Surface], truth: Truth) -> Contours:
     """
     found, steps, numbers = [np.empty((0, 4))], [np.empty(0)], [np.empty(0, np.int16)]
     for number, surface in enumerate(surfaces):
-        edges = find_edges(surface)
+        edges = _edges.get(surface)
         translation, matrix = truth.poses.place("lidar", surface.name)
         position = truth.poses.place(surface.name, "lidar")[0]
         brightness = estimate_brightness(
@@ -55,11 +75,11 @@ def estimate_brightness(
 
     Parameters
     ----------
-    corners : (facet, 3, xyz) [m].
-    planes : (4, facet), of which the first three are normals.
-    finish : (facet), material of each facet.
-    brdf_table : (material, angle) BRDF [1/sr] at even angles of incidence.
-    position : (xyz) of the lidar [m], in the same axes.
+    corners : (facet, 3, xyz) [m]
+    planes : (4, facet), of which the first three are normals
+    finish : (facet), material of each facet
+    brdf_table : (material, angle) BRDF [1/sr] at even angles of incidence
+    position : (xyz) of the lidar [m], in the same axes
     """
     brightness = np.empty(len(corners))
     for f in range(len(corners)):
@@ -88,9 +108,8 @@ def project_edges(
 
     Parameters
     ----------
-    points, ends, facets, beyond : edges, as in `FacetEdges`.
-    brightness : (facet) as `estimate_brightness` returns it.
-    translation, matrix : lidar_from_body.
+    points, ends, facets, beyond : edges, as in `FacetEdges`
+    brightness : (facet) as `estimate_brightness` returns it
 
     Returns
     -------
@@ -125,3 +144,34 @@ def project_edges(
             steps[count] = step
             count += 1
     return found[:count].copy(), steps[:count].copy()
+
+
+def _find_edges(surface: Surface) -> FacetEdges:
+    """Find the edges of a surface."""
+    corners = surface.corners.reshape(-1, 3)
+    as_bytes = np.ascontiguousarray(corners.astype(np.float32) + np.float32(0.0)).view(np.dtype((np.void, 12))).ravel()
+    _, first, point = np.unique(as_bytes, return_index=True, return_inverse=True)
+    points = np.ascontiguousarray(corners[first])
+    triangle = point.reshape(-1, 3)
+    sides = np.concatenate([triangle[:, [0, 1]], triangle[:, [1, 2]], triangle[:, [2, 0]]])
+    beyond = np.concatenate([triangle[:, 2], triangle[:, 0], triangle[:, 1]])
+    facet = np.tile(np.arange(len(triangle)), 3)
+    sides.sort(axis=1)
+    proper = sides[:, 0] != sides[:, 1]
+    sides, beyond, facet = sides[proper], beyond[proper], facet[proper]
+    key = sides[:, 0] * np.int64(len(points)) + sides[:, 1]
+    order = np.argsort(key, kind="stable")
+    key, sides, beyond, facet = key[order], sides[order], beyond[order], facet[order]
+    start = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]])) if len(key) else np.empty(0, np.int64)
+    count = np.diff(np.append(start, len(key)))
+    pair = count == 2
+    second = np.where(pair, start + 1, start)
+    facets = np.stack([facet[start], np.where(pair, facet[second], _NONE)], axis=1)
+    others = np.stack([beyond[start], np.where(pair, beyond[second], _NONE)], axis=1)
+    columns = [np.ascontiguousarray(one.astype(np.int32)) for one in (sides[start], facets, others)]
+    for values in (points, *columns):
+        values.flags.writeable = False
+    return FacetEdges(points, *columns)
+
+
+_edges = GeometryCache(_find_edges)  # found once for each geometry

@@ -20,8 +20,8 @@ def extent(surfaces: Sequence[Surface], truth: Truth) -> Extent:
 
     Parameters
     ----------
-    surfaces : surfaces of all targets.
-    truth : where they are at one epoch.
+    surfaces : surfaces of all targets
+    truth : where they are at one epoch
 
     Returns
     -------
@@ -50,9 +50,8 @@ def project_outlines(
 
     Parameters
     ----------
-    points : (point, xyz) f8, corners of the hulls of all pieces, in body axes [m].
-    starts : (piece + 1), the points of piece p are those from ``starts[p]`` to ``starts[p + 1]``.
-    translation, matrix : lidar_from_body.
+    points : (point, xyz) f8, corners of the hulls of all pieces, in body axes [m]
+    starts : (piece + 1), the points of piece p are those from ``starts[p]`` to ``starts[p + 1]``
 
     Returns
     -------
@@ -101,8 +100,7 @@ def sort_points(x: np.ndarray, y: np.ndarray, first: int, last: int) -> None:
 
     Parameters
     ----------
-    x, y : (point), changed in place.
-    first, last : first point, and the one after the last.
+    x, y : (point), changed in place
     """
     gap = 1
     while 3 * gap < last - first:
@@ -123,11 +121,10 @@ def append_side(x: np.ndarray, y: np.ndarray, first: int, last: int, way: int, c
 
     Parameters
     ----------
-    x, y : (point), the points; those from `first` to `last` are sorted.
-    first, last : the range of points.
-    way : 1 along the side of small y, -1 back along the other.
-    corners : (corner, 2), to which the side is written behind the first `made`.
-    made : number of corners so far.
+    x, y : (point), the points; those from `first` to `last` are sorted
+    way : 1 along the side of small y, -1 back along the other
+    corners : (corner, 2), to which the side is written behind the first `made`
+    made : number of corners so far
 
     Returns
     -------

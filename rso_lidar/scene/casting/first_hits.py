@@ -50,14 +50,7 @@ def _targets(surfaces: tuple[Surface, ...], engine: Engine) -> "tuple[tuple[Scen
     count = np.array([0] + [len(surface.facets) for surface in surfaces], dtype=np.int64)
 
     def row(columns: list[np.ndarray], dtype: type, shape: tuple[int, ...] = (0,)) -> np.ndarray:
-        """Return the columns of all surfaces, joined.
-
-        Parameters
-        ----------
-        columns : arrays of each surface.
-        dtype : type of the result.
-        shape : shape of the result without surfaces.
-        """
+        """Return the columns of all surfaces, joined."""
         return np.concatenate([np.empty(shape), *columns]).astype(dtype)
 
     return scenes, Targets(
@@ -85,11 +78,10 @@ def find_first_hits(
 
     Parameters
     ----------
-    rays : the rays, in lidar axes.
-    surfaces : the surfaces, each in its own axes.
-    truth : where the surfaces are.
-    threads : number of bands in parallel (None: one for each core).
-    engine : embree, or what answers in its place.
+    rays : the rays, in lidar axes
+    surfaces : the surfaces, each in its own axes
+    truth : where the surfaces are
+    threads : number of bands in parallel (None: one for each core)
 
     Returns
     -------
@@ -155,8 +147,8 @@ def place_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> n
 
     Parameters
     ----------
-    origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar.
-    sphere : (target, 4) centre and radius of the bounding sphere [m].
+    origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar
+    sphere : (target, 4) centre and radius of the bounding sphere [m]
     """
     words = np.empty((len(origin), _WORDS))
     for t in range(len(origin)):
@@ -184,8 +176,7 @@ def bound_rays(direction: np.ndarray, first: int, last: int) -> tuple[float, flo
 
     Parameters
     ----------
-    direction : (xyz, ray) f8, unit vectors.
-    first, last : the range of rays.
+    direction : (xyz, ray) f8, unit vectors
     """
     x0 = y0 = z0 = np.inf
     x1 = y1 = z1 = -np.inf
@@ -199,14 +190,7 @@ def bound_rays(direction: np.ndarray, first: int, last: int) -> tuple[float, flo
 
 @kernel
 def may_touch(x: float, y: float, z: float, half: float, target: np.ndarray) -> bool:
-    """Return whether a ray that ends within `half` of (x, y, z) may meet the bounding sphere of a target.
-
-    Parameters
-    ----------
-    x, y, z : centre of the box about the ends of rays.
-    half : half its diagonal.
-    target : the placed target.
-    """
+    """Return whether a ray that ends within `half` of (x, y, z) may meet the bounding sphere of a target."""
     apart = (x - target[_CENTRE]) ** 2 + (y - target[_CENTRE + 1]) ** 2 + (z - target[_CENTRE + 2]) ** 2
     reach = half + target[_REACH]
     return bool(apart <= (1.0 + 1e-6) * reach * reach + 1e-24)
@@ -233,11 +217,9 @@ def select_rays(
 
     Parameters
     ----------
-    direction : (xyz, ray) f8, unit vectors.
-    first, last : the range of rays.
-    target : the placed target.
-    near : (ray in the block), range of the nearest hit so far [m]. A ray with a hit nearer than the target is left out.
-    chosen : (ray in the block), to which the numbers of the selected rays are written.
+    direction : (xyz, ray) f8, unit vectors
+    near : (ray in the block), range of the nearest hit so far [m]. A ray with a hit nearer than the target is left out
+    chosen : (ray in the block), to which the numbers of the selected rays are written
 
     Returns
     -------
@@ -269,12 +251,8 @@ def cast_rays(
 
     Parameters
     ----------
-    rays : all rays.
-    first, last : the range of rays.
-    targets : the surfaces.
-    origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar.
-    question : address of rtcIntersect.
-    width : number of rays in a packet.
+    origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar
+    width : number of rays in a packet
 
     Returns
     -------

@@ -21,15 +21,15 @@ class LocalHits:
 
     Attributes
     ----------
-    surfaces, number : all surfaces, and which of them is hit.
-    truth : where they are.
-    target_from_lidar : position and rotation of the lidar in these axes.
-    facet : number of the facet (hit).
-    point, to_viewer : where the hit is [m], and the unit vector from there to the lidar.
-    facing : normal of the facet.
-    base, base_cos_out : normal, interpolated on smooth parts, and its cosine with the direction to the viewer.
-    normal, cos_out : the normal that the BRDF gets, on crinkled foil that of a cell, and its cosine.
-    slope : rms slope of the cells of crinkled foil, 0 elsewhere (hit).
+    surfaces, number : all surfaces, and which of them is hit
+    truth : where they are
+    target_from_lidar : position and rotation of the lidar in these axes
+    facet : number of the facet (hit)
+    point, to_viewer : where the hit is [m], and the unit vector from there to the lidar
+    facing : normal of the facet
+    base, base_cos_out : normal, interpolated on smooth parts, and its cosine with the direction to the viewer
+    normal, cos_out : the normal that the BRDF gets, on crinkled foil that of a cell, and its cosine
+    slope : rms slope of the cells of crinkled foil, 0 elsewhere (hit)
     """
 
     surfaces: Sequence[Surface]
@@ -95,13 +95,12 @@ def localize_hits(
 
     Parameters
     ----------
-    surfaces, number : all surfaces, and which of them is hit.
-    truth : where they are.
-    direction : (hit, xyz), unit vectors of the rays in lidar axes.
-    facet : (hit), number of the facet.
-    range_m : (hit), range [m].
+    truth : where they are
+    direction : (hit, xyz), unit vectors of the rays in lidar axes
+    facet : (hit), number of the facet
+    range_m : (hit), range [m]
     cosine : (hit), cosine of incidence on the facet. On smooth parts that of the interpolated normal replaces it, 0 where
-        that normal points away.
+        that normal points away
 
     Returns
     -------

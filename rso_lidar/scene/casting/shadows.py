@@ -15,10 +15,9 @@ def find_shadowed(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_
 
     Parameters
     ----------
-    hits : the hits on one surface.
-    asked : (hit) mask of the hits to test.
-    toward : (xyz, hit), unit vectors to the light, in the surface's axes.
-    reach_m : (hit), distance of the light [m].
+    asked : (hit) mask of the hits to test
+    toward : (xyz, hit), unit vectors to the light, in the surface's axes
+    reach_m : (hit), distance of the light [m]
 
     Returns
     -------
@@ -62,17 +61,16 @@ def mark_shadowed(
 
     Parameters
     ----------
-    met : (ray) bool, in which rays that meet the surface are set. Rays already set are not tested again.
-    asked : (ray) bool, mask of the rays to test.
+    met : (ray) bool, in which rays that meet the surface are set. Rays already set are not tested again
+    asked : (ray) bool, mask of the rays to test
     point, facing, toward : (xyz, ray), where rays start [m], the facet's normal there, and their direction, in the axes of
-        the surface that is lit.
-    off : how far along `facing` rays start from the point [m].
-    reach : (ray), length of the rays [m].
-    origin, turn : pose of those axes in the axes of the surface that is tested.
-    sphere : centre and radius of its bounding sphere [m].
-    question : address of rtcOccluded.
-    scene : address of the surface's acceleration structure.
-    width : number of rays in a packet.
+        the surface that is lit
+    off : how far along `facing` rays start from the point [m]
+    reach : (ray), length of the rays [m]
+    origin, turn : pose of those axes in the axes of the surface that is tested
+    sphere : centre and radius of its bounding sphere [m]
+    scene : address of the surface's acceleration structure
+    width : number of rays in a packet
     """
     words = make_packet(width)
     values = words.view(np.float32)[BEFORE:]

@@ -16,9 +16,9 @@ def find_hidden(direction: np.ndarray, surfaces: Sequence[Surface], truth: Truth
 
     Parameters
     ----------
-    direction : (ray, xyz) unit vectors in lidar axes.
-    surfaces : the surfaces of all targets, each in its own axes.
-    truth : where the surfaces are.
+    direction : (ray, xyz) unit vectors in lidar axes
+    surfaces : the surfaces of all targets, each in its own axes
+    truth : where the surfaces are
 
     Returns
     -------

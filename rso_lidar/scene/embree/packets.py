@@ -76,11 +76,9 @@ def ask(question: int, scene: int, words: np.ndarray, width: int, count: int) ->
 
     Parameters
     ----------
-    question : address of the query.
-    scene : address of the acceleration structure.
-    words : the packet, in which embree writes its answer.
-    width : number of rays that the packet has room for.
-    count : number of rays in it.
+    scene : address of the acceleration structure
+    width : number of rays that the packet has room for
+    count : number of rays in it
     """
     used = BEFORE + ROWS * width
     for k in range(width):

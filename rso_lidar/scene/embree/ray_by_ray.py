@@ -72,10 +72,10 @@ class RayByRay:
 
             Parameters
             ----------
-            used : address of the mask of rays (ray) i4.
-            scene : number of the scene.
-            packet : address of the packet.
-            arguments : not used.
+            used : address of the mask of rays (ray) i4
+            scene : number of the scene
+            packet : address of the packet
+            arguments : not used
             """
             try:
                 count = int(np.count_nonzero((ctypes.c_uint32 * _WIDTH).from_address(used)))
@@ -98,9 +98,8 @@ def _find_first(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:
 
     Parameters
     ----------
-    scene : scene of embreex.
-    packet : (row, ray) f4, in the layout of embree's packets.
-    count : number of rays.
+    packet : (row, ray) f4, in the layout of embree's packets
+    count : number of rays
     """
     found = scene.run(*_rays(packet), query="INTERSECT", output=1)
     met = found["primID"] >= 0
@@ -114,8 +113,7 @@ def _find_any(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:
 
     Parameters
     ----------
-    scene : scene of embreex.
-    packet : (row, ray) f4, in the layout of embree's packets.
-    count : number of rays.
+    packet : (row, ray) f4, in the layout of embree's packets
+    count : number of rays
     """
     packet[FAR, scene.run(*_rays(packet), query="OCCLUDED") >= 0] = -np.inf

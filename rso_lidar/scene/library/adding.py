@@ -32,7 +32,6 @@ from rso_lidar.scene.library.model_index import (
 )
 from rso_lidar.scene.meshes.accessors import GltfFile
 from rso_lidar.scene.meshes.cad import CHORD_MM, is_cad, tessellate
-from rso_lidar.scene.meshes.components import format_count
 from rso_lidar.scene.meshes.mesh import (
     FARTHEST_M,
     Mesh,
@@ -40,6 +39,7 @@ from rso_lidar.scene.meshes.mesh import (
     normalize_mesh,
     parse_mesh,
 )
+from rso_lidar.units import format_count
 
 # Of `rso-lidar models`, which takes a model's name in their place.
 COMMANDS = ("list", "show", "materials", "add", "check", "remove")
@@ -58,9 +58,17 @@ _HEAD = (
 class MeshOptions:
     """Properties of a mesh as the user gives them. What is None or empty is known for the file, guessed, or a default.
 
-    `scale` is the metres in one unit of the file, `size_m` the longest side [m]; `material` is for all parts,
-    `part_materials` for some by name; `part_classes` holds common part classes by name; `taxonomy` holds the fields of
-    `Taxonomy` that are known.
+    Parameters
+    ----------
+    name : in scenarios (None: the name of the file)
+    scale : metres in one unit of the file
+    size_m : longest side [m], instead of `scale`
+    mesh_axes : ``"z_up"``, or ``"y_up"`` to turn the file's y to z
+    material : of the catalogue, for all parts
+    part_materials, part_classes : material, and common part class, by name of the part
+    center_of_mass_m : (xyz) in the axes of the mesh [m] (None: the origin of the file)
+    what : a line for lists of models
+    taxonomy : fields of `Taxonomy` that are known, such as ``object_class``
     """
 
     name: str | None = None
@@ -84,13 +92,16 @@ def add_model(
 
     Parameters
     ----------
-    path : the mesh file.
-    given : properties that the user gives.
-    overwrite : whether to replace a model of the same name.
+    path : the mesh file
+    given : properties that the user gives
+    overwrite : whether to replace a model of the same name
 
     Returns
     -------
-    The new entry, and what was known, guessed and assumed, a line each.
+    entry : ModelEntry
+        The new entry.
+    report : list of str
+        What was known, guessed and assumed, a line each.
 
     Raises
     ------
@@ -139,7 +150,22 @@ def add_model(
 
 
 def remove_model(name: str) -> Path:
-    """Remove a model from the user's library, with its entry; return the path of its mesh file."""
+    """Remove a model from the user's library, with its entry.
+
+    Parameters
+    ----------
+    name : of a model that `add_model` added
+
+    Returns
+    -------
+    Path
+        Of the mesh file that was removed.
+
+    Raises
+    ------
+    ScenarioError
+        If the library has no such model.
+    """
     folder = own_folder()
     with _lock_library(folder) if folder.is_dir() else nullcontext():
         own, tables = own_models(), read_own_index(folder / "index.toml")
@@ -193,10 +219,8 @@ def _table(
 
     Parameters
     ----------
-    mesh : the mesh as it was read.
-    known : what is known about the file.
-    given : properties that the user gives.
-    unit_m : metres in the unit that the file states, None where it states none.
+    given : properties that the user gives
+    unit_m : metres in the unit that the file states, None where it states none
     """
     report: list[str] = []
     left_out = tuple((first, last) for first, last in known.get("left_out", ()))
@@ -253,10 +277,7 @@ def _report_known(fields: dict[str, Any], known: Mapping[str, Any], given: MeshO
 
     Parameters
     ----------
-    fields : words of the taxonomy.
-    known : what is known about the file.
-    given : properties that the user gives.
-    report : lines of the report, to which is appended.
+    given : properties that the user gives
     """
     options = {"object_class": "--class", "subclass": "--subclass", "shape_family": "--shape"}
     options["stabilisation"] = "--stabilisation"
@@ -271,11 +292,8 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: flo
 
     Parameters
     ----------
-    mesh : the mesh as it was read.
-    known : what is known about the file.
-    given : properties that the user gives.
-    unit_m : metres in the unit that the file states, None where it states none.
-    report : lines of the report, to which is appended.
+    given : properties that the user gives
+    unit_m : metres in the unit that the file states, None where it states none
 
     Raises
     ------
@@ -302,9 +320,7 @@ def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) ->
 
     Parameters
     ----------
-    parts : names of the parts.
-    given : properties that the user gives.
-    report : lines of the report, to which is appended.
+    given : properties that the user gives
 
     Raises
     ------
@@ -343,9 +359,7 @@ def _part_classes(parts: tuple[str, ...], given: MeshOptions, report: list[str])
 
     Parameters
     ----------
-    parts : names of the parts.
-    given : properties that the user gives.
-    report : lines of the report, to which is appended.
+    given : properties that the user gives
 
     Raises
     ------

@@ -57,7 +57,17 @@ def guess_scale(mesh: Mesh) -> tuple[float, list[str]]:
 
 
 def list_units(mesh: Mesh) -> list[MeshUnit]:
-    """List the units that a mesh as it was read may be in, first the one that is known or guessed, if any."""
+    """List the units that a mesh may be in, first the one that is known or guessed, if any.
+
+    Parameters
+    ----------
+    mesh : as it was read
+
+    Returns
+    -------
+    list of MeshUnit
+        Name, metres, and whether the unit is likely.
+    """
     units = dict(UNITS_M)
     try:
         likely_m, _ = guess_scale(mesh)

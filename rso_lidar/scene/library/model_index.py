@@ -30,36 +30,36 @@ class ModelEntry:
     Attributes
     ----------
     name, file, what, source, licence, confidence
-        Text; `source` and `confidence` state which figures are published and which are guesses.
+        Text; `source` and `confidence` state which figures are published and which are guesses
     axes
-        Which direction of the craft each axis of the mesh is, in words.
+        Which direction of the craft each axis of the mesh is, in words
     size_m
-        Extents along x, y, z [m].
+        Extents along x, y, z [m]
     facets, size_bytes, sha256
-        Of the file.
+        Of the file
     center_of_mass_m
-        In mesh coordinates [m], estimated.
+        In mesh coordinates [m], estimated
     mass_kg
-        Estimated [kg]; None where there is no estimate, as for a user's own model.
+        Estimated [kg]; None where there is no estimate, as for a user's own model
     inertia_kg_m2
-        Rows of the tensor about the centre of mass, in the axes of the mesh [kg m2], estimated; or None.
+        Rows of the tensor about the centre of mass, in the axes of the mesh [kg m2], estimated; or None
     parts
-        Name of the material by name of the part.
+        Name of the material by name of the part
     part_classes
-        Common part class by name of the part.
+        Common part class by name of the part
     taxonomy
-        Class, shape, size and rotation.
+        Class, shape, size and rotation
     hinges
-        Parts that turn, and their axes, in mesh coordinates.
+        Parts that turn, and their axes, in mesh coordinates
     symmetry
-        Rotations that a lidar cannot tell apart, in mesh coordinates with all hinges at zero; None where there are none.
+        Rotations that a lidar cannot tell apart, in mesh coordinates with all hinges at zero; None where there are none
     path
-        Path of the mesh file.
+        Path of the mesh file
     scale, mesh_axes, left_out
         How the file becomes the mesh that the other fields describe: metres in one unit of the file, "z_up" or "y_up".
-        First and last facet (numbers in the file) of each run that does not belong to the craft.
+        First and last facet (numbers in the file) of each run that does not belong to the craft
     own
-        Whether the model is from the user's own library.
+        Whether the model is from the user's own library
     """
 
     name: str
@@ -110,7 +110,7 @@ def model(name: str) -> ModelEntry:
 
     Parameters
     ----------
-    name : name of the model.
+    name : name of the model
 
     Returns
     -------
@@ -143,7 +143,12 @@ def model(name: str) -> ModelEntry:
 
 
 def is_mesh_path(name: str) -> bool:
-    """Return whether the name of a shape is the path of a file, and no model of the catalogue."""
+    """Return whether the name of a shape is the path of a file, and no model of the catalogue.
+
+    Parameters
+    ----------
+    name : as a target gives it; a path has a slash or a suffix
+    """
     return any(sign in name for sign in "/\\.")
 
 
@@ -312,10 +317,8 @@ def _entry(path: Path, table: Any, cure: str = _INSTALL_AGAIN, *, own: bool = Fa
 
     Parameters
     ----------
-    path : path of the index, for messages.
-    table : the table.
-    cure : what to do about an invalid table, for messages.
-    own : whether it is from the user's library, not a shipped one.
+    path : path of the index, for messages
+    own : whether it is from the user's library, not a shipped one
 
     Returns
     -------

@@ -51,7 +51,7 @@ class ByWavelength(MaterialPart):
 
         Parameters
         ----------
-        wavelength_m : wavelength of the light [m].
+        wavelength_m : wavelength of the light [m]
 
         Raises
         ------
@@ -126,8 +126,8 @@ def find_material(name: str, wavelength_m: float) -> Scatterer:
 
     Parameters
     ----------
-    name : name of the material.
-    wavelength_m : wavelength of the light [m].
+    name : name of the material
+    wavelength_m : wavelength of the light [m]
 
     Returns
     -------

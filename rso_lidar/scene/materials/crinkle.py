@@ -125,9 +125,7 @@ def masking_shadowing(
 
     Parameters
     ----------
-    cos_in, cos_out : cosines from the mean normal to the light and to the viewer.
-    cos_phase : cosine of the angle between the directions to the two.
-    slope : rms slope of the cells.
+    slope : rms slope of the cells
     """
     cos_in, cos_out = np.clip(cos_in, 1e-9, 1.0), np.clip(cos_out, 1e-9, 1.0)
     flat = np.sqrt(np.maximum(1.0 - cos_in**2, 1e-18) * np.maximum(1.0 - cos_out**2, 1e-18))

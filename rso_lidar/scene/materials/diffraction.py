@@ -27,9 +27,9 @@ def mean_irradiance(offset: np.ndarray, rim: np.ndarray, defocus: np.ndarray) ->
 
     Parameters
     ----------
-    offset : (hit) f8, v of the lens's middle from the middle of the pattern [optical units].
-    rim : (hit) f8, w of the lens's rim from the lens's middle [optical units].
-    defocus : (hit) f8, u, at least 0 [optical units].
+    offset : (hit) f8, v of the lens's middle from the middle of the pattern [optical units]
+    rim : (hit) f8, w of the lens's rim from the lens's middle [optical units]
+    defocus : (hit) f8, u, at least 0 [optical units]
 
     Returns
     -------
@@ -78,8 +78,8 @@ def transfer(shift: np.ndarray, defocus: float) -> np.ndarray:
 
     Parameters
     ----------
-    shift : (shift) f8, how far the aperture and its copy are apart, in radii, from 0 to 2.
-    defocus : u [optical units].
+    shift : (shift) f8, how far the aperture and its copy are apart, in radii, from 0 to 2
+    defocus : u [optical units]
     """
     x, weight = _panels(0.5 * defocus)
     edge = np.arccos(np.minimum(0.5 * shift, 1.0))[:, None]
@@ -95,9 +95,9 @@ def _mean(offset: float, rim: float, defocus: float) -> float:
 
     Parameters
     ----------
-    offset : distance of the lens from the axis of the pattern [optical units].
-    rim : radius of the lens [optical units].
-    defocus : u [optical units].
+    offset : distance of the lens from the axis of the pattern [optical units]
+    rim : radius of the lens [optical units]
+    defocus : u [optical units]
     """
     from scipy.special import j0, j1
 

@@ -50,11 +50,11 @@ def draw_directions(
 
     Parameters
     ----------
-    uniform : (3, path) numbers from 0 to 1: two for the direction, and one that chooses between lobe and cosine.
-    lobe : (path, 3) `Lobe` of each path.
-    base : (xyz, path) normal about which directions are drawn by the cosine.
-    normal : (xyz, path) normal of the lobe.
-    viewer : (xyz, path) direction whose mirror image the lobe is about.
+    uniform : (3, path) numbers from 0 to 1: two for the direction, and one that chooses between lobe and cosine
+    lobe : (path, 3) `Lobe` of each path
+    base : (xyz, path) normal about which directions are drawn by the cosine
+    normal : (xyz, path) normal of the lobe
+    viewer : (xyz, path) direction whose mirror image the lobe is about
 
     Returns
     -------
@@ -102,8 +102,8 @@ def direction_density(
 
     Parameters
     ----------
-    direction : (xyz, path) unit vectors.
-    lobe, base, normal, viewer : as in `draw_directions`.
+    direction : (xyz, path) unit vectors
+    lobe, base, normal, viewer : as in `draw_directions`
     """
     n = direction.shape[1]
     density = np.empty(n)

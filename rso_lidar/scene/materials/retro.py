@@ -60,7 +60,7 @@ class RetroReflector(MaterialPart):
 
         Parameters
         ----------
-        cos_in, cos_out, cos_phase : as for `Scatterer.brdf_per_sr`.
+        cos_in, cos_out, cos_phase : as for `Scatterer.brdf_per_sr`
 
         Raises
         ------
@@ -96,11 +96,11 @@ class RetroReflector(MaterialPart):
 
         Parameters
         ----------
-        peak_per_sr : (hit) f8, the far field's BRDF toward the light [1/sr].
-        direction : (hit, xyz) f8, unit vectors to the cubes in lidar axes.
-        range_m : (hit) f8, distance of the cubes from the lens [m].
-        laser_from_m : (xyz) f8, where the laser is in lidar axes [m].
-        aperture_m : diameter of the lens [m].
+        peak_per_sr : (hit) f8, the far field's BRDF toward the light [1/sr]
+        direction : (hit, xyz) f8, unit vectors to the cubes in lidar axes
+        range_m : (hit) f8, distance of the cubes from the lens [m]
+        laser_from_m : (xyz) f8, where the laser is in lidar axes [m]
+        aperture_m : diameter of the lens [m]
         """
         assert self.wavelength_nm is not None
         to_laser = laser_from_m - direction * range_m[:, None]
@@ -129,8 +129,8 @@ class RetroReflector(MaterialPart):
 
         Parameters
         ----------
-        lobe_per_sr : (hit) lobe of an active cube [1/sr].
-        cos_in, cos_out : (hit) cosines of the angles from the normal to the light and to the viewer.
+        lobe_per_sr : (hit) lobe of an active cube [1/sr]
+        cos_in, cos_out : (hit) cosines of the angles from the normal to the light and to the viewer
         """
         active = self._active(cos_in) * self._active(cos_out)
         brdf: np.ndarray = self.reflectance * self.fill_fraction * active * lobe_per_sr + self.diffuse / math.pi

@@ -42,9 +42,9 @@ class Material(Protocol):
 
         Parameters
         ----------
-        cos_in, cos_out : (hit) f8, cosines of the angles from the normal to the light and to the viewer, from 0 to 1.
+        cos_in, cos_out : (hit) f8, cosines of the angles from the normal to the light and to the viewer, from 0 to 1
         cos_phase : (hit) f8, cosine of the angle between the directions toward the light and toward the viewer; 1 where
-            the laser is in the lens.
+            the laser is in the lens
 
         Returns
         -------
@@ -86,8 +86,8 @@ class Scatterer(ABC):
 
         Parameters
         ----------
-        normal : (xyz, hit) f8, unit normals.
-        point : (xyz, hit) f8, points on the surface in body axes [m].
+        normal : (xyz, hit) f8, unit normals
+        point : (xyz, hit) f8, points on the surface in body axes [m]
 
         Returns
         -------
@@ -107,11 +107,11 @@ class Scatterer(ABC):
 
         Parameters
         ----------
-        peak_per_sr : (hit) f8, BRDF toward the light [1/sr].
-        direction : (hit, xyz) f8, unit vectors to the hits in lidar axes.
-        range_m : (hit) f8, their range [m].
-        laser_from_m : (xyz) f8, position of the laser in lidar axes [m].
-        aperture_m : diameter of the lens [m].
+        peak_per_sr : (hit) f8, BRDF toward the light [1/sr]
+        direction : (hit, xyz) f8, unit vectors to the hits in lidar axes
+        range_m : (hit) f8, their range [m]
+        laser_from_m : (xyz) f8, position of the laser in lidar axes [m]
+        aperture_m : diameter of the lens [m]
         """
         return peak_per_sr
 
@@ -120,7 +120,7 @@ class Scatterer(ABC):
 
         Parameters
         ----------
-        wavelength_m : wavelength of the light [m].
+        wavelength_m : wavelength of the light [m]
         """
         return self
 
@@ -139,8 +139,8 @@ class Scatterer(ABC):
         Parameters
         ----------
         cos_in, cos_out : (hit) f8, cosines of the angles from the normal to the light and to the viewer, both at least
-            0.
-        cos_phase : (hit) f8, cosine of the angle between the directions toward the light and toward the viewer.
+            0
+        cos_phase : (hit) f8, cosine of the angle between the directions toward the light and toward the viewer
         """
 
     def mean_brdf_per_sr(
@@ -150,7 +150,7 @@ class Scatterer(ABC):
 
         Parameters
         ----------
-        cos_in, cos_out, cos_phase : as for `brdf_per_sr`.
+        cos_in, cos_out, cos_phase : as for `brdf_per_sr`
         """
         return self.brdf_per_sr(cos_in, cos_out, cos_phase)
 
@@ -159,7 +159,7 @@ class Scatterer(ABC):
 
         Parameters
         ----------
-        cos_in, cos_out, cos_phase : as for `brdf_per_sr`, toward the centre of the disc.
+        cos_in, cos_out, cos_phase : as for `brdf_per_sr`, toward the centre of the disc
         """
         return self.brdf_per_sr(cos_in, cos_out, cos_phase)
 
@@ -179,7 +179,7 @@ def complete(material: Material) -> Scatterer:
 
     Parameters
     ----------
-    material : a part, or a user-defined object.
+    material : a part, or a user-defined object
     """
     return material if isinstance(material, MaterialPart | _Completed) else _Completed(material)
 
@@ -263,8 +263,8 @@ class _Completed(Scatterer):
 
         Parameters
         ----------
-        method : its name; an object that lacks it has `brdf_per_sr`.
-        cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+        method : its name; an object that lacks it has `brdf_per_sr`
+        cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`
 
         Returns
         -------
@@ -326,7 +326,7 @@ def complete_cosines(
 
     Parameters
     ----------
-    cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+    cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`
     """
     cos_in = np.asarray(cos_in, dtype=float)
     return cos_in, cos_in if cos_out is None else cos_out, 1.0 if cos_phase is None else cos_phase
@@ -339,7 +339,7 @@ def half_vector_cosines(
 
     Parameters
     ----------
-    cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+    cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`
     """
     length = np.sqrt(np.maximum(2.0 + 2.0 * np.asarray(cos_phase), 1e-30))  # of the sum of the two unit vectors
     return np.minimum((cos_in + cos_out) / length, 1.0), np.minimum(0.5 * length, 1.0)
@@ -357,8 +357,7 @@ def phong_per_sr(
 
     Parameters
     ----------
-    diffuse, specular, exponent : k_d, k_s and n.
-    cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+    cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`
     """
     cos_phi = np.clip(2.0 * (cos_in * cos_out) - cos_phase, 0.0, 1.0)
     brdf: np.ndarray = diffuse / math.pi + specular * (exponent + 2.0) / (2.0 * math.pi) * cos_phi**exponent

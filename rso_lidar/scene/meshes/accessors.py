@@ -30,8 +30,8 @@ class GltfFile:
 
     Attributes
     ----------
-    where : name of the file, for messages.
-    tree : the description.
+    where : name of the file, for messages
+    tree : the description
     """
 
     def __init__(self, path: Path, blob: bytes) -> None:
@@ -94,9 +94,9 @@ class GltfFile:
 
         Parameters
         ----------
-        table : the table.
-        key : key of the list.
-        of : type that each entry must have.
+        table : the table
+        key : key of the list
+        of : type that each entry must have
 
         Raises
         ------
@@ -120,9 +120,9 @@ class GltfFile:
 
         Parameters
         ----------
-        table : the table.
-        key : key of the number.
-        default : value if the key is absent; None for an error.
+        table : the table
+        key : key of the number
+        default : value if the key is absent; None for an error
 
         Raises
         ------
@@ -139,10 +139,10 @@ class GltfFile:
 
         Parameters
         ----------
-        table : the table.
-        key : key of the list.
-        length : how many there are; None for any.
-        default : values if the key is absent.
+        table : the table
+        key : key of the list
+        length : how many there are; None for any
+        default : values if the key is absent
         """
         found = table.get(key, default)
         try:
@@ -158,9 +158,9 @@ class GltfFile:
 
         Parameters
         ----------
-        entries : the list.
-        number : index of the entry.
-        what : name of the list, for messages.
+        entries : the list
+        number : index of the entry
+        what : name of the list, for messages
 
         Raises
         ------
@@ -196,10 +196,10 @@ class GltfFile:
 
         Parameters
         ----------
-        number : of the accessor.
-        kind : glTF type that the accessor must have, such as "VEC3"; names separated by | where several do.
-        what : noun for the message where it has another.
-        rows : numbers of the values to return; None for all.
+        number : of the accessor
+        kind : glTF type that the accessor must have, such as "VEC3"; names separated by | where several do
+        what : noun for the message where it has another
+        rows : numbers of the values to return; None for all
 
         Raises
         ------
@@ -248,9 +248,9 @@ class GltfFile:
 
         Parameters
         ----------
-        table : what names the `bufferView`: an accessor, or a part of a sparse one.
-        count : number of values, 0 or more.
-        size : of a value [bytes].
+        table : what names the `bufferView`: an accessor, or a part of a sparse one
+        count : number of values, 0 or more
+        size : of a value [bytes]
         """
         view = self.entry(self._views, self.count_of(table, "bufferView"), "bufferView")
         number = self.count_of(view, "buffer")
@@ -267,10 +267,10 @@ class GltfFile:
 
         Parameters
         ----------
-        table : what names the `bufferView`.
-        count : number of values, 0 or more.
-        width : components of a value, 1 to 16.
-        dtype : `numpy` type of a component.
+        table : what names the `bufferView`
+        count : number of values, 0 or more
+        width : components of a value, 1 to 16
+        dtype : `numpy` type of a component
         """
         number, start, step = self._locate(table, count, width * dtype.itemsize)
         if not count:

@@ -40,7 +40,7 @@ def is_cad(path: Path) -> bool:
 def tessellate(path: Path) -> tuple[bytes, float]:
     """Tessellate a STEP or IGES file; return it as GLB, with the metres of its unit.
 
-    STEP names its unit. IGES is in millimetres.
+    STEP names its unit. IGES is in millimetres. A `MeshError` is raised where the file contains no solid.
     """
     checked_file(path, CAD_SUFFIXES)
     if importlib.util.find_spec("cascadio") is None:

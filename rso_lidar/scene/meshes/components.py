@@ -35,11 +35,6 @@ def find_helper_cube(mesh: Mesh) -> Component | None:
     return None
 
 
-def format_count(count: int, what: str) -> str:
-    """Format a count with its noun, such as "1 facet" or "2,000 facets"."""
-    return f"{count:,} {what}{'s' * (count != 1)}"
-
-
 def merge_vertices(mesh: Mesh) -> np.ndarray:
     """Return the facets (facet, 3) with one number for vertices in the same place."""
     _, place = np.unique(mesh.vertices.astype(np.float32), axis=0, return_inverse=True)

@@ -42,11 +42,6 @@ def read_gltf(path: Path, blob: bytes) -> list[MeshPiece]:
     The default scene is read; the first one where none is the default; all nodes in a file without scenes. A mesh is a part
     by its name. If several nodes use it, each of them is a part by its own name. Pictures are not opened.
 
-    Parameters
-    ----------
-    path : name of the file, for messages, and the folder of its data.
-    blob : its contents.
-
     Returns
     -------
     the triangles of each primitive of a mesh at each node, ordered by mesh, primitive and node.
@@ -143,11 +138,10 @@ def _make_pieces(
 
     Parameters
     ----------
-    document : the file.
-    of_meshes : tables of the meshes, `meshes` of the file, their primitives, and the nodes that use them.
-    nodes : tables of the nodes, `nodes` of the file.
-    worlds : matrix scene_from_node (4, 4) of each node.
-    instances : matrices node_from_instance (instance, 4, 4) of each node that is used.
+    of_meshes : tables of the meshes, `meshes` of the file, their primitives, and the nodes that use them
+    nodes : tables of the nodes, `nodes` of the file
+    worlds : matrix scene_from_node (4, 4) of each node
+    instances : matrices node_from_instance (instance, 4, 4) of each node that is used
     """
     names = _name_parts(of_meshes, nodes)
     for number, (mesh, shapes, users) in enumerate(zip(*of_meshes, strict=True)):
@@ -245,11 +239,10 @@ def _read_points(
 
     Parameters
     ----------
-    document : the file.
-    table : the primitive, with its `attributes`.
-    used : numbers of the vertices to read (vertex), from 0.
-    holders : the node, and its mesh; the `weights` of morph targets of the node replace those of the mesh.
-    worlds : matrix scene_from_node (4, 4) of each node, for the joints of a skin.
+    table : the primitive, with its `attributes`
+    used : numbers of the vertices to read (vertex), from 0
+    holders : the node, and its mesh; the `weights` of morph targets of the node replace those of the mesh
+    worlds : matrix scene_from_node (4, 4) of each node, for the joints of a skin
     """
     wrong = "positions that are not three numbers each"
     attributes = table["attributes"]
@@ -276,11 +269,10 @@ def _apply_skin(
 
     Parameters
     ----------
-    document : the file.
-    attributes : of the primitive, with `JOINTS_0` and `WEIGHTS_0`.
-    bound : numbers of the vertices, and their places (vertex, xyz) where they are bound to the joints.
-    number : of the skin, from 0.
-    worlds : matrix scene_from_node (4, 4) of each node.
+    attributes : of the primitive, with `JOINTS_0` and `WEIGHTS_0`
+    bound : numbers of the vertices, and their places (vertex, xyz) where they are bound to the joints
+    number : of the skin, from 0
+    worlds : matrix scene_from_node (4, 4) of each node
     """
     used, points = bound
     skin = document.entry(document.list_of(document.tree, "skins"), number, "skin")
@@ -323,9 +315,8 @@ def _read_colours(
 
     Parameters
     ----------
-    document : the file.
-    table : the primitive, with its `attributes`.
-    facets, used : (facet, 3), its triangles, and the numbers of the vertices that they are numbered by.
+    table : the primitive, with its `attributes`
+    facets, used : (facet, 3), its triangles, and the numbers of the vertices that they are numbered by
     """
     if "material" in table:
         materials = document.list_of(document.tree, "materials")

@@ -26,9 +26,9 @@ def load_height_field(path: Path, cell_m: float, height_scale_m: float) -> Mesh:
 
     Parameters
     ----------
-    path : the file.
-    cell_m : distance between neighbouring heights [m].
-    height_scale_m : metres of height for one unit of the file.
+    path : the file
+    cell_m : distance between neighbouring heights [m]
+    height_scale_m : metres of height for one unit of the file
 
     Returns
     -------
@@ -54,8 +54,8 @@ def _load_cached(path: Path, cell_m: float, height_scale_m: float, _stamp: tuple
 
     Parameters
     ----------
-    path, cell_m, height_scale_m : as for `load_height_field`.
-    _stamp : modification time and size of the file, the key of the cache.
+    path, cell_m, height_scale_m : as for `load_height_field`
+    _stamp : modification time and size of the file, the key of the cache
 
     Returns
     -------
@@ -118,10 +118,10 @@ def build_height_field(
 
     Parameters
     ----------
-    heights_m : (row, col), heights [m], which become the part ``ground``.
-    cell_m : distance between neighbouring heights [m].
-    path, sha256 : file of the heights and its checksum, which identify the mesh.
-    boulders : vertices [m] and facets of a second part, ``boulders``.
+    heights_m : (row, col), heights [m], which become the part ``ground``
+    cell_m : distance between neighbouring heights [m]
+    path, sha256 : file of the heights and its checksum, which identify the mesh
+    boulders : vertices [m] and facets of a second part, ``boulders``
 
     Returns
     -------

@@ -35,14 +35,14 @@ class Mesh:
 
     Attributes
     ----------
-    path, sha256 : the file, and its hash.
-    vertices : (vertex, xyz) f8.
-    facets : (facet, 3), indices of vertices.
-    part, part_names : index of each facet's part (facet), and the names of the parts.
-    source_facet : (facet), number of the facet in the file, counted over its parts in order.
-    source_facets : number of facets in the file.
-    degenerate : number of facets that have no area and were dropped.
-    left_out : number of facets that do not belong to the craft and were dropped.
+    path, sha256 : the file, and its hash
+    vertices : (vertex, xyz) f8
+    facets : (facet, 3), indices of vertices
+    part, part_names : index of each facet's part (facet), and the names of the parts
+    source_facet : (facet), number of the facet in the file, counted over its parts in order
+    source_facets : number of facets in the file
+    degenerate : number of facets that have no area and were dropped
+    left_out : number of facets that do not belong to the craft and were dropped
     """
 
     path: Path
@@ -68,8 +68,8 @@ class Mesh:
 
         Parameters
         ----------
-        place : where the parts are named, for the message.
-        named : names of parts.
+        place : where the parts are named, for the message
+        named : names of parts
 
         Raises
         ------
@@ -93,7 +93,7 @@ def load_mesh(path: Path) -> Mesh:
 
     Parameters
     ----------
-    path : path of the file.
+    path : path of the file
 
     Returns
     -------
@@ -132,9 +132,13 @@ def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
 
     Parameters
     ----------
-    path : of the file, for messages, and for data that glTF keeps beside it.
-    blob : its contents.
-    suffix : names the format, in lower case; a solid from `tessellate` is of ".glb" whatever its file is.
+    path : of the file, for messages, and for data that glTF keeps beside it
+    suffix : names the format, in lower case; a solid from `tessellate` is of ".glb" whatever its file is
+
+    Returns
+    -------
+    Mesh
+        In the units and axes of the file.
 
     Raises
     ------
@@ -192,9 +196,8 @@ def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[MeshPiece]:
 
     Parameters
     ----------
-    path : of the file.
-    blob : its contents [bytes].
-    suffix : names the format, in lower case, such as `.stl`.
+    blob : its contents [bytes]
+    suffix : names the format, in lower case, such as `.stl`
     """
     match suffix:
         case ".obj":
@@ -210,10 +213,24 @@ def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[MeshPiece]:
 
 
 def read_facet_colours(mesh: Mesh) -> np.ndarray:
-    """Read the colours (facet in the file, rgb) of facets as bytes, numbered like `Mesh.source_facet`.
+    """Read the colours of the facets of a mesh file.
 
     GLB gives a base colour to each group; textures are ignored. PLY gives colours to facets, or to vertices, of which a
     facet gets the mean.
+
+    Parameters
+    ----------
+    mesh : as it was read
+
+    Returns
+    -------
+    ndarray
+        (facet in the file) texts such as ``#a29225``, numbered like `Mesh.source_facet`.
+
+    Raises
+    ------
+    MeshError
+        If the file holds no colours, or not for all facets.
     """
     path = mesh.path
     suffix = path.suffix.lower()
@@ -225,15 +242,10 @@ def read_facet_colours(mesh: Mesh) -> np.ndarray:
     colours = [piece.colours for piece in pieces if piece.colours is not None]
     if len(colours) != len(pieces) or sum(map(len, colours)) != mesh.source_facets:
         raise MeshError(f"{path.name}: contains no colours, or not for all facets; give parts or facets instead")
-    return np.concatenate(colours)
-
-
-def format_colours(colours: np.ndarray) -> np.ndarray:
-    """Format colours (…, rgb) as texts such as ``#a29225``."""
-    numbers = (colours.astype(np.int64) * np.array([65536, 256, 1])).sum(axis=-1)
+    numbers = (np.concatenate(colours).astype(np.int64) * np.array([65536, 256, 1])).sum(axis=-1)
     distinct, place = np.unique(numbers, return_inverse=True)
     texts: np.ndarray = np.array([f"#{number:06x}" for number in distinct.tolist()], dtype=object)[place]
-    return texts.reshape(colours.shape[:-1])
+    return texts
 
 
 def normalize_mesh(
@@ -243,10 +255,7 @@ def normalize_mesh(
 
     Parameters
     ----------
-    mesh : the mesh as it was read.
-    scale : metres in one unit of the file.
-    mesh_axes : "z_up" or "y_up".
-    left_out : first and last facet of each run to drop, by number in the file.
+    scale : metres in one unit of the file
 
     Returns
     -------
@@ -275,7 +284,18 @@ def normalize_mesh(
 
 
 def body_from_mesh(vectors: np.ndarray, mesh_axes: str) -> np.ndarray:
-    """Convert vectors (…, xyz) from a mesh's axes to body axes: "z_up" unchanged, "y_up" with the file's y up."""
+    """Convert vectors from a mesh's axes to body axes.
+
+    Parameters
+    ----------
+    vectors : (…, xyz), in any unit
+    mesh_axes : ``"z_up"`` leaves them unchanged; ``"y_up"`` turns the file's y to z
+
+    Returns
+    -------
+    ndarray
+        (…, xyz).
+    """
     if mesh_axes == "y_up":
         return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
     return vectors
@@ -298,8 +318,8 @@ def warn_of_repairs(mesh: Mesh, name: str) -> None:
 
     Parameters
     ----------
-    mesh : the mesh as it was read.
-    name : name of the target, for the message.
+    mesh : the mesh as it was read
+    name : name of the target, for the message
     """
     if mesh.degenerate:
         warn(
@@ -314,9 +334,9 @@ def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:
 
     Parameters
     ----------
-    mesh : the mesh as it was read.
-    scale : metres in one unit of the file.
-    name : name of the target, for the message.
+    mesh : the mesh as it was read
+    scale : metres in one unit of the file
+    name : name of the target, for the message
     """
     largest = float(mesh.size_m.max()) * scale
     if is_plausible_size(largest):

@@ -44,9 +44,7 @@ def place_nodes(document: GltfFile, nodes: list[Any], children: list[list[int]])
 
     Parameters
     ----------
-    document : the file.
-    nodes : tables of the nodes.
-    children : numbers of the children of each node.
+    children : numbers of the children of each node
     """
     worlds = [_place(document, node) for node in nodes]
     level = sorted(set(range(len(nodes))) - {child for own in children for child in own})
@@ -77,9 +75,8 @@ def _compose(document: GltfFile, step: np.ndarray, turn: np.ndarray, scale: np.n
 
     Parameters
     ----------
-    document : the file, for messages.
-    step, scale : (n, xyz).
-    turn : quaternions (n, xyzw), of any length but zero.
+    step, scale : (n, xyz)
+    turn : quaternions (n, xyzw), of any length but zero
     """
     length = np.linalg.norm(turn, axis=1)
     if not (length > 0.0).all():
@@ -134,9 +131,7 @@ def find_users(document: GltfFile, nodes: list[Any], children: list[list[int]], 
 
     Parameters
     ----------
-    document : the file.
-    nodes, meshes : tables of the nodes and of the meshes.
-    children : numbers of the children of each node.
+    children : numbers of the children of each node
     """
     scenes = document.list_of(document.tree, "scenes")
     if scenes:

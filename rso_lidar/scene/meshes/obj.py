@@ -22,9 +22,7 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[MeshPiece]:
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    blob : its contents.
-    most_parts : the greatest number of groups.
+    most_parts : the greatest number of groups
 
     Returns
     -------

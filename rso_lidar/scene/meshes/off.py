@@ -20,11 +20,6 @@ _KEYWORD = re.compile(r"(ST)?(C)?(N)?OFF")
 def read_off(path: Path, blob: bytes) -> list[MeshPiece]:
     """Read an OFF file.
 
-    Parameters
-    ----------
-    path : name of the file, for messages.
-    blob : its contents.
-
     Returns
     -------
     its triangles, as one part.

@@ -44,11 +44,6 @@ class _Element:
 def read_ply(path: Path, blob: bytes) -> list[MeshPiece]:
     """Read a PLY file, with the colours of its faces, or the mean of those of their vertices.
 
-    Parameters
-    ----------
-    path : name of the file, for messages.
-    blob : its contents.
-
     Returns
     -------
     its triangles, as one part.
@@ -125,9 +120,7 @@ def _check_rows(path: Path, element: _Element, held: int) -> None:
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    element : the element.
-    held : what is left [bytes], each row being one at least.
+    held : what is left [bytes], each row being one at least
     """
     if element.properties and element.rows > held:
         raise MeshError(
@@ -141,9 +134,7 @@ def _read_ascii(path: Path, body: bytes, elements: list[_Element]) -> dict[str, 
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    body : what follows the header [bytes].
-    elements : of the header.
+    body : what follows the header [bytes]
     """
     lines = (words for _, line in number_lines(path, body) if (words := line.split()))
     columns: dict[str, _Columns] = {}
@@ -168,10 +159,8 @@ def _read_binary(path: Path, body: bytes, elements: list[_Element], order: str) 
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    body : what follows the header [bytes].
-    elements : of the header.
-    order : of bytes, `<` or `>`.
+    body : what follows the header [bytes]
+    order : of bytes, `<` or `>`
     """
     columns: dict[str, _Columns] = {}
     at = 0
@@ -229,9 +218,8 @@ def _read_rows(
 
     Parameters
     ----------
-    element : the element.
-    start_row : goes on to the next row, and returns what takes so many numbers of a type from it.
-    held : the greatest length that a list can have, 0 or more.
+    start_row : goes on to the next row, and returns what takes so many numbers of a type from it
+    held : the greatest length that a list can have, 0 or more
     """
     values = {name: array("d") for name in element.properties}
     counts = {name: array("q") for name in element.lists}

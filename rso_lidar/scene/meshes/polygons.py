@@ -20,9 +20,9 @@ class MeshPiece(NamedTuple):
 
     Attributes
     ----------
-    name : of the part.
-    vertices, facets : (vertex, xyz) f8, and their numbers (facet, 3).
-    colours : (facet, rgb) u1, None where the file has none or cannot have any.
+    name : of the part
+    vertices, facets : (vertex, xyz) f8, and their numbers (facet, 3)
+    colours : (facet, rgb) u1, None where the file has none or cannot have any
     """
 
     name: str
@@ -40,10 +40,8 @@ def cut_polygons(where: str, points: np.ndarray, corners: np.ndarray, sizes: np.
 
     Parameters
     ----------
-    where : name of the file, for messages.
-    points : (vertex, xyz).
-    corners : vertices of all polygons, one polygon after the other.
-    sizes : (polygon), numbers of corners; below 3 for lines and points, which give no triangle.
+    points : (vertex, xyz)
+    sizes : (polygon), numbers of corners; below 3 for lines and points, which give no triangle
 
     Returns
     -------
@@ -89,9 +87,9 @@ def _find_concave(triangles: np.ndarray, owner: np.ndarray, polygons: int) -> tu
 
     Parameters
     ----------
-    triangles : (triangle, corner, xyz) of the fans.
-    owner : (triangle), number of its polygon, rising.
-    polygons : number of polygons, 1 or more.
+    triangles : (triangle, corner, xyz) of the fans
+    owner : (triangle), number of its polygon, rising
+    polygons : number of polygons, 1 or more
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what is not finite is reported by the reader
         starts = np.flatnonzero(np.diff(owner, prepend=-1))
@@ -113,9 +111,9 @@ def _cut_concave(
 
     Parameters
     ----------
-    points, corners : as in `cut_polygons`.
-    starts, sizes : (polygon), place of the first corner, and number of corners.
-    normals : (polygon, xyz), unit vectors.
+    points, corners : as in `cut_polygons`
+    starts, sizes : (polygon), place of the first corner, and number of corners
+    normals : (polygon, xyz), unit vectors
     """
     first = np.cumsum(sizes) - sizes
     places = np.repeat(starts - first, sizes) + np.arange(int(sizes.sum()))
@@ -140,9 +138,9 @@ def _cut_ears(x: np.ndarray, y: np.ndarray, sizes: np.ndarray, cut: np.ndarray) 
 
     Parameters
     ----------
-    x, y : (corner) of all polygons, one after the other.
-    sizes : (polygon), numbers of corners.
-    cut : (triangle, 3), filled.
+    x, y : (corner) of all polygons, one after the other
+    sizes : (polygon), numbers of corners
+    cut : (triangle, 3), filled
     """
     written = 0
     base = 0
@@ -188,11 +186,11 @@ def _is_ear(
 
     Parameters
     ----------
-    x, y : (corner) of all polygons.
-    base : index of the polygon's first corner among all (corner).
-    at : number of the corner in the polygon, from 0.
-    preceding, following : (corner of the polygon), places of its neighbours.
-    rule : `_STRICT`, no corner inside or on the triangle; `_TOUCHING`, none inside; `_CONVEX`, whatever is inside; `_ANY`.
+    x, y : (corner) of all polygons
+    base : index of the polygon's first corner among all (corner)
+    at : number of the corner in the polygon, from 0
+    preceding, following : (corner of the polygon), places of its neighbours
+    rule : `_STRICT`, no corner inside or on the triangle; `_TOUCHING`, none inside; `_CONVEX`, whatever is inside; `_ANY`
     """
     a, b, c = preceding[at], base + at, following[at]
     turn = (x[b] - x[a]) * (y[c] - y[b]) - (y[b] - y[a]) * (x[c] - x[b])

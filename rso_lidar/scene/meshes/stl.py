@@ -20,11 +20,6 @@ _ASCII = re.compile(rb"(\xef\xbb\xbf)?\s*solid.*?(facet\s+normal|endsolid)", re.
 def read_stl(path: Path, blob: bytes) -> list[MeshPiece]:
     """Read an STL file. Solids of an ASCII file that holds several are parts by their names.
 
-    Parameters
-    ----------
-    path : name of the file, for messages.
-    blob : its contents.
-
     Returns
     -------
     the triangles of the file, or of each of its solids.

@@ -28,8 +28,8 @@ class SymmetryDeviation:
 
     Attributes
     ----------
-    mean_m, most_m, nearly_all_m : mean, 90th and 99th percentile over the area [m].
-    limit_m : largest distance that a lidar does not notice in one pixel [m].
+    mean_m, most_m, nearly_all_m : mean, 90th and 99th percentile over the area [m]
+    limit_m : largest distance that a lidar does not notice in one pixel [m]
     """
 
     mean_m: float
@@ -56,8 +56,8 @@ def measure_symmetry(mesh: Mesh, symmetry: Symmetry) -> SymmetryDeviation:
 
     Parameters
     ----------
-    mesh : in metres.
-    symmetry : group of rotations, in the axes of the mesh.
+    mesh : in metres
+    symmetry : group of rotations, in the axes of the mesh
 
     Returns
     -------
@@ -93,8 +93,7 @@ def _draw_points(corners: np.ndarray, rng: np.random.Generator) -> tuple[np.ndar
 
     Parameters
     ----------
-    corners : (facet, 3, xyz).
-    rng : generator of random numbers.
+    corners : (facet, 3, xyz)
     """
     areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     summed = np.cumsum(areas)

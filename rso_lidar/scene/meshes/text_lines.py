@@ -17,10 +17,8 @@ def number_lines(path: Path, blob: bytes, *, joined: tuple[bytes, ...] = ()) -> 
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    blob : its contents.
     joined : first words of the lines that go on in the next one where they end in a backslash. A path at the end of a
-        comment may end in one, too.
+        comment may end in one, too
 
     Raises
     ------
@@ -46,14 +44,7 @@ def number_lines(path: Path, blob: bytes, *, joined: tuple[bytes, ...] = ()) -> 
 
 
 def refuse_line(path: Path, number: int, line: str, kind: str) -> MeshError:
-    """Return the error for a line that cannot be read.
-
-    Parameters
-    ----------
-    path : name of the file.
-    number, line : the line.
-    kind : name of the format.
-    """
+    """Return the error for a line that cannot be read."""
     text = line.strip()[:40]
     return MeshError(
         f"{path.name}: line {number} ({text}): cannot be read as {kind}: it is cut short or damaged; export it again"

@@ -27,8 +27,8 @@ def split_at_hinges(surface: Surface, hinged: Sequence[Hinged]) -> tuple[Surface
 
     Parameters
     ----------
-    surface : the whole surface, in body axes.
-    hinged : the hinges, each with the names of its parts.
+    surface : the whole surface, in body axes
+    hinged : the hinges, each with the names of its parts
 
     Returns
     -------
@@ -73,10 +73,9 @@ def _select_facets(surface: Surface, which: np.ndarray, name: str, origin_m: np.
 
     Parameters
     ----------
-    surface : the whole.
-    which : (facet) bool, the facets to keep.
-    name : name of the new axes.
-    origin_m : (xyz), their origin in the surface's axes [m].
+    which : (facet) bool, the facets to keep
+    name : name of the new axes
+    origin_m : (xyz), their origin in the surface's axes [m]
 
     Returns
     -------

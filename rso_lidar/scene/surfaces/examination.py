@@ -5,23 +5,29 @@ Nothing here changes a mesh. A mesh with holes and mixed winding is cast as it i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rso_lidar.errors import MeshError
+from rso_lidar.scene.library.mesh_units import known_meshes
+from rso_lidar.scene.library.model_index import model
+from rso_lidar.scene.meshes.cad import is_cad, tessellate
 from rso_lidar.scene.meshes.components import (
     Component,
     describe_component,
     directed_edges,
     find_helper_cube,
-    format_count,
     merge_vertices,
     number_components,
     split_components,
 )
-from rso_lidar.scene.meshes.mesh import Mesh, guess_units, is_plausible_size
+from rso_lidar.scene.meshes.mesh import Mesh, guess_units, is_plausible_size, load_mesh, normalize_mesh, parse_mesh
 from rso_lidar.scene.surfaces.surface import Surface, build_surface
+from rso_lidar.units import format_count
 
 _DIRECTIONS = 60
 _GRID = 96  # rays along each side of the square that they are cast from
@@ -37,16 +43,17 @@ class Examination:
 
     Attributes
     ----------
-    size_m, area_m2 : sides of the box about the mesh, and its area.
-    facets, degenerate, left_out : facets of the file; those without area; those left out by the library.
-    duplicates : facets with the same corners as another.
-    parts, components : named parts; sets of facets connected by edges.
-    strays : components far from the rest.
-    boundary_edges, nonmanifold_edges : edges with one facet, and with over two.
-    turned_edges : edges across which the winding of two facets disagrees.
-    front_share : share of first hits, of rays from all around, on the side that the winding makes the front.
-    hidden, hidden_area_share : facets that no ray reaches, and their share of the area.
-    cube : a helper cube about the origin, the root of the rig in some models.
+    size_m, area_m2 : sides of the box about the mesh, and its area
+    facets, degenerate, left_out : facets of the file; those without area; those left out by the library
+    duplicates : facets with the same corners as another
+    parts, components : named parts; sets of facets connected by edges
+    strays : components far from the rest
+    boundary_edges, nonmanifold_edges : edges with one facet, and with over two
+    turned_edges : edges across which the winding of two facets disagrees
+    front_share : share of first hits, of rays from all around, on the side that the winding makes the front
+    hidden, hidden_area_share : facets that no ray reaches, and their share of the area
+    cube : a helper cube about the origin, the root of the rig in some models
+    known : what is known about the file by its SHA-256, in words; empty for most
     """
 
     size_m: tuple[float, float, float]
@@ -65,6 +72,7 @@ class Examination:
     hidden_area_share: float
     area_m2: float
     cube: Component | None
+    known: str = ""
 
     @property
     def largest_m(self) -> float:
@@ -74,7 +82,10 @@ class Examination:
     def lines(self) -> list[str]:
         """Return the findings as lines of text, each with a keyword."""
         x, y, z = self.size_m
-        text = [f"size        {x:.4g} x {y:.4g} x {z:.4g} m, {self.area_m2:.4g} m2 of surface, hidden surface included"]
+        text = [f"known       {self.known}"] if self.known else []
+        text += [
+            f"size        {x:.4g} x {y:.4g} x {z:.4g} m, {self.area_m2:.4g} m2 of surface, hidden surface included"
+        ]
         if not is_plausible_size(self.largest_m):
             fits = guess_units(self.largest_m)
             guess = ", ".join(f"{unit} (--scale {metres:g})" for unit, metres in fits.items()) or "no common unit fits"
@@ -119,8 +130,61 @@ class Examination:
         return f"{over}; watertight" if not self.boundary_edges and not self.nonmanifold_edges else over
 
 
+def examine_file(source: str | Path, scale: float | None = None) -> Examination:
+    """Examine a mesh file, a CAD solid or a model of the catalogue, as `rso-lidar models check` does.
+
+    Parameters
+    ----------
+    source : path of an STL, OBJ, PLY, GLB, glTF, OFF, STEP or IGES file, or name of a model
+    scale : metres in one unit of the file (None: as the file states, or as it is known by its SHA-256, else metres)
+
+    Returns
+    -------
+    Examination
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read, or the scale is not above 0.
+    ScenarioError
+        If no model has that name.
+    """
+    if scale is not None and not 0.0 < scale < math.inf:
+        raise MeshError(f"--scale {scale:g}: is not a scale; give a number over 0")
+    path = Path(source)
+    if is_cad(path):
+        blob, unit_m = tessellate(path)
+        mesh = normalize_mesh(parse_mesh(path, blob, ".glb"), unit_m)
+    elif path.suffix or path.exists() or len(path.parts) > 1:
+        mesh = load_mesh(path)
+    else:
+        mesh = model(str(source)).mesh
+    entry = known_meshes().get(mesh.sha256) if path.exists() else None
+    metres = scale or (1.0 / entry["units_per_metre"] if entry else 1.0)
+    examination = examine_mesh(normalize_mesh(mesh, metres))
+    if entry is None:
+        return examination
+    known = f"{entry['file']} of NASA's printable models: one unit is {metres:.6g} m; `models add` corrects it"
+    return replace(examination, known=known)
+
+
 def examine_mesh(mesh: Mesh) -> Examination:
-    """Examine a mesh, which should be in metres."""
+    """Examine a mesh: unit, components, holes, winding, hidden facets, and repairs made on loading.
+
+    Parameters
+    ----------
+    mesh : in metres. It is not changed; a mesh with holes and mixed winding can be simulated
+
+    Returns
+    -------
+    Examination
+        The findings. Its method `lines` puts them into words.
+
+    Raises
+    ------
+    MeshError
+        If coordinates are too large for float32 to resolve a metre.
+    """
     surface = build_surface("mesh", mesh)  # first, because it raises an error for coordinates that are too large
     facets = merge_vertices(mesh)
     edges, ends = np.sort(directed_edges(facets), axis=1), directed_edges(facets)
@@ -164,9 +228,9 @@ def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.
 
     Parameters
     ----------
-    corners : (facet, corner, xyz) [m].
-    component : (facet), number of the component.
-    area : (facet) [m²].
+    corners : (facet, corner, xyz) [m]
+    component : (facet), number of the component
+    area : (facet) [m²]
 
     Returns
     -------
@@ -226,9 +290,8 @@ def _first(embree: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarr
 
     Parameters
     ----------
-    embree : scene of embreex.
-    origins : (ray, xyz) origins of the rays [m].
-    directions : (ray, xyz) their directions.
+    origins : (ray, xyz) origins of the rays [m]
+    directions : (ray, xyz) their directions
     """
     struck: np.ndarray = embree.run(origins.astype(np.float32), np.ascontiguousarray(directions, dtype=np.float32))
     return struck

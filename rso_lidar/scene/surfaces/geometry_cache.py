@@ -19,7 +19,7 @@ class GeometryCache(Generic[_Derived]):
 
         Parameters
         ----------
-        derive : computes the value of a surface; it may depend on the corners of the facets only.
+        derive : computes the value of a surface; it may depend on the corners of the facets only
         """
         self._derive = derive
         self._known: OrderedDict[str, _Derived] = OrderedDict()  # by the hash of the geometry

@@ -77,8 +77,8 @@ def find_cut(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.
 
     Parameters
     ----------
-    low, high : (facet, xyz), bounds of all facets.
-    facets : numbers of the facets to divide.
+    low, high : (facet, xyz), bounds of all facets
+    facets : numbers of the facets to divide
 
     Returns
     -------
@@ -136,8 +136,8 @@ def bin_of(middle: float, first: float, last: float) -> int:
 
     Parameters
     ----------
-    middle : coordinate of the centre [m].
-    first, last : least and greatest coordinate of all centres [m].
+    middle : coordinate of the centre [m]
+    first, last : least and greatest coordinate of all centres [m]
     """
     return min(int(_BINS * ((middle - first) / (last - first))), _BINS - 1)
 

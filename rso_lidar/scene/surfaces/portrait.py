@@ -36,9 +36,12 @@ class Portrait:
 
 
 def viewer_axes(toward: tuple[float, float, float], up: tuple[float, float, float]) -> np.ndarray:
-    """Return the unit vectors right, down and ahead (3, xyz) of a viewer in the direction `toward`, with `up` upward.
+    """Return the unit vectors right, down and ahead (3, xyz) of a viewer, the rows of lidar_from_body of such a lidar.
 
-    They are the rows of the rotation lidar_from_body of a lidar with that view.
+    Parameters
+    ----------
+    toward : (xyz) direction from the body to the viewer, in body axes
+    up : (xyz) direction that is upward in the view, in body axes; not along `toward`
     """
     ahead = -np.asarray(toward, dtype=float) / np.linalg.norm(toward)
     right = np.cross(ahead, np.asarray(up, dtype=float))
@@ -58,11 +61,11 @@ def render_portrait(
 
     Parameters
     ----------
-    surface : the surface.
-    toward : (xyz), direction from the surface to the viewer, in the surface's axes.
-    up : (xyz), direction that is upward in the picture.
-    side_m : side of the square picture [m]; None holds the surface from any direction.
-    cells : number of rows and of columns.
+    surface : the surface
+    toward : (xyz), direction from the surface to the viewer, in the surface's axes
+    up : (xyz), direction that is upward in the picture
+    side_m : side of the square picture [m]; None holds the surface from any direction
+    cells : number of rows and of columns
 
     Returns
     -------
@@ -89,8 +92,8 @@ def find_top_heights(surface: Surface, x_m: np.ndarray, y_m: np.ndarray) -> np.n
 
     Parameters
     ----------
-    surface : the surface.
-    x_m, y_m : coordinates of the points [m], which are broadcast.
+    surface : the surface
+    x_m, y_m : coordinates of the points [m], which are broadcast
 
     Returns
     -------

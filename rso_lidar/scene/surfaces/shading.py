@@ -14,9 +14,9 @@ def average_corner_normals(corners: np.ndarray, normals: np.ndarray, part: np.nd
 
     Parameters
     ----------
-    corners : (facet, corner, xyz) corners of the facets [m].
-    normals : (facet, xyz) unit normals, of either side.
-    part : (facet) number of the part.
+    corners : (facet, corner, xyz) corners of the facets [m]
+    normals : (facet, xyz) unit normals, of either side
+    part : (facet) number of the part
 
     Returns
     -------
@@ -49,8 +49,8 @@ def interpolate_normals(corners: np.ndarray, normals: np.ndarray, point: np.ndar
 
     Parameters
     ----------
-    corners, normals : (hit, corner, xyz), corners of the facet that is hit, and normals there.
-    point : (hit, xyz), points on the facets.
+    corners, normals : (hit, corner, xyz), corners of the facet that is hit, and normals there
+    point : (hit, xyz), points on the facets
 
     Returns
     -------

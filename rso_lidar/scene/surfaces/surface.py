@@ -32,13 +32,13 @@ class Surface:
 
     Attributes
     ----------
-    name : axes that the surface is in: the target's, or those of a hinge, such as ``tdrs.array``.
-    mesh : parts and facets.
-    vertices : (vertex, xyz) f8 [m], which replace the mesh's own.
-    materials : one for each part, then those of single facets.
-    smooth : numbers of the parts that are curved, whose normals are interpolated over the facets.
-    target : number of the target (None: the position among all surfaces).
-    material_of : (facet), index of the material of each facet (None: that of its part).
+    name : axes that the surface is in: the target's, or those of a hinge, such as ``tdrs.array``
+    mesh : parts and facets
+    vertices : (vertex, xyz) f8 [m], which replace the mesh's own
+    materials : one for each part, then those of single facets
+    smooth : numbers of the parts that are curved, whose normals are interpolated over the facets
+    target : number of the target (None: the position among all surfaces)
+    material_of : (facet), index of the material of each facet (None: that of its part)
     """
 
     name: str
@@ -145,7 +145,7 @@ class Surface:
 
         Parameters
         ----------
-        engine : embree, or its substitute that casts ray by ray.
+        engine : embree, or its substitute that casts ray by ray
         """
         key = f"{self.content} {engine.width}"
         with _scenes_lock:
@@ -189,8 +189,8 @@ class Surface:
 
         Parameters
         ----------
-        facet : (hit), number of the facet.
-        cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+        facet : (hit), number of the facet
+        cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`
         """
         if all(material == self.materials[0] for material in self.materials):
             return self.materials[0].brdf_per_sr(cos_in, cos_out, cos_phase)
@@ -208,8 +208,8 @@ class Surface:
 
         Parameters
         ----------
-        facet : (hit) numbers of the facets that are hit.
-        evaluate : called with a material and the numbers of its hits (n,), returns one value for each (n,).
+        facet : (hit) numbers of the facets that are hit
+        evaluate : called with a material and the numbers of its hits (n,), returns one value for each (n,)
 
         Returns
         -------
@@ -258,8 +258,8 @@ class Surface:
 
         Parameters
         ----------
-        facet : (hit) numbers of the facets.
-        point : (hit, xyz) points on them in body axes [m].
+        facet : (hit) numbers of the facets
+        point : (hit, xyz) points on them in body axes [m]
         """
         normal = np.stack([self.planes[axis][facet] for axis in range(3)], axis=1)
         curved = np.flatnonzero(self.is_smooth[facet])
@@ -286,18 +286,18 @@ def build_surface(
 
     Parameters
     ----------
-    name : name of the target.
-    mesh : its mesh.
+    name : name of the target
+    mesh : its mesh
 
     Other Parameters
     ----------------
-    scale : metres in one unit of the mesh.
-    mesh_axes : "z_up", or "y_up" for a file whose y is body z.
-    center_of_mass_m : origin of the body axes in the mesh's axes, after scaling [m].
-    material : material of all parts; None is Lambertian 0.30.
-    part_materials : materials of single parts by name, which override `material`.
-    smooth_parts : names of the curved parts, whose normals are interpolated.
-    wavelength_m : wavelength [m] at which materials are evaluated; None for materials that need none.
+    scale : metres in one unit of the mesh
+    mesh_axes : "z_up", or "y_up" for a file whose y is body z
+    center_of_mass_m : origin of the body axes in the mesh's axes, after scaling [m]
+    material : material of all parts; None is Lambertian 0.30
+    part_materials : materials of single parts by name, which override `material`
+    smooth_parts : names of the curved parts, whose normals are interpolated
+    wavelength_m : wavelength [m] at which materials are evaluated; None for materials that need none
 
     Returns
     -------

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import parse_toml, split_place
+from rso_lidar.part import parse_toml
+from rso_lidar.studio.model.problem_place import split_place
 from rso_lidar.studio.model.toml_edits import remove_value, set_value
 
 _MOST_STEPS, _MOST_CHARACTERS = 300, 20_000_000  # of the history

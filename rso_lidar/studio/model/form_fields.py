@@ -74,8 +74,6 @@ def find_part(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | int
 
     Parameters
     ----------
-    cls : part of the whole text
-    tables : of the text
     steps : keys and numbers of entries
     """
     part: type[Part] | None = cls
@@ -104,14 +102,7 @@ def find_field(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | in
 
 
 def iterate_tables(cls: type[Part], tables: Mapping[str, Any], nested: str) -> Iterator[tuple[str, str, bool]]:
-    """Yield the label and the place of each table that a text may have, and whether it has it.
-
-    Parameters
-    ----------
-    cls : part of the whole text
-    tables : of the text
-    nested : key of the table whose own tables are listed too
-    """
+    """Yield the label and the place of each table that a text may have, and whether it has it."""
     for field in list_fields(cls):
         value = tables.get(field.key)
         if field.kind == "entries":
@@ -134,8 +125,6 @@ def make_entry(cls: type[Part], key: str, entries: Sequence[Any]) -> dict[str, A
     Parameters
     ----------
     cls : the part that fills the entry
-    key : of the list, with which names begin
-    entries : of the list
     """
     table: dict[str, Any] = {"type": cls.model_fields["type"].default} if "type" in cls.model_fields else {}
     if "name" in cls.model_fields and cls.model_fields["name"].is_required():

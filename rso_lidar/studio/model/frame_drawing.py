@@ -9,9 +9,9 @@ import numpy as np
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.evaluation import compare_frames
 from rso_lidar.export import Recording
-from rso_lidar.picture import Scheme, palette
+from rso_lidar.picture import Scheme, choose_window, palette
 from rso_lidar.records import Frame
-from rso_lidar.studio.model.frame_image import choose_window, draw_difference, draw_image, mark_pixel
+from rso_lidar.studio.model.frame_image import draw_difference, draw_image, mark_pixel
 from rso_lidar.track import locate_centroid
 
 
@@ -31,7 +31,6 @@ def draw_recorded_frame(
 
     Parameters
     ----------
-    k, recording : the frame
     other : a recording to compare with, or None
     marked : whether to mark the targets' origins and the centroid of the points
     scheme : `LIGHT` or `DARK`

@@ -15,18 +15,12 @@ from rso_lidar.picture import (
     Scheme,
     Thumbnail,
     Window,
-    bounding_window,
+    choose_window,
     colour_maps,
-    count_limits,
-    crop,
     draw_panel,
-    find_shown_returns,
-    find_target_pixels,
-    nice_down,
-    nice_up,
+    draw_text,
+    figures,
     palette,
-    range_limits_m,
-    write_raster,
 )
 from rso_lidar.records import Frame
 
@@ -37,37 +31,17 @@ _SIDE, _LEFT, _TOP, _GAP, _FOOT, _TEXT = 440, 44, 30, 60, 66, 17  # of a panel, 
 IMAGE_SIZE = (2 * _SIDE + 2 * _LEFT + _GAP - 16, _TOP + _SIDE + _FOOT)
 
 
-def choose_window(*frames: Frame, whole: bool = False) -> Window:
-    """Choose the part of the field that images of frames show: a square about all their targets, or the whole field."""
-    masks = [find_target_pixels(frame) for frame in frames]
-    if whole:
-        return bounding_window(np.zeros(masks[0].shape, bool))
-    return crop(bounding_window(np.logical_or.reduce(masks)))
-
-
-def choose_scale(*frames: Frame) -> Scale:
-    """Choose the colour limits that span frames, of one frame as the package's figure of a frame has them."""
-    low_m, high_m = range_limits_m(*frames)
-    counts = [frame.intensity_counts.astype(float) for frame in frames]
-    seen = [one[of] for one, of in zip(counts, find_shown_returns(frames), strict=True) if of.any()]
-    low, high, logarithmic = count_limits(seen)
-    if not logarithmic:
-        high = max(1.0, *(float(one.max()) for one in counts))
-    return Scale(False, low_m, high_m, low, high, logarithmic)
-
-
 def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, beside: Frame | None = None) -> bytes:
     """Draw range and intensity of a frame side by side, with axes, colour bars and a scale bar, as PNG.
 
     Parameters
     ----------
-    frame : of a scenario or of a recording
     scheme : `LIGHT` or `DARK`
     whole : whether to show the whole field, instead of a square about the target
     beside : a frame to compare with; the part of the field and the colours span both, whichever is drawn
     """
     spanned = (frame,) if beside is None else (frame, beside)
-    window, scale = choose_window(*spanned, whole=whole), choose_scale(*spanned)
+    window, scale = choose_window(*spanned, whole=whole), Scale.of_frames(*spanned)
     saturated = int(frame.saturated.sum())
     kind, low, high = scale.intensity_words
     ranges, counts = scale.range_rgb(frame.range_m, 0.0), scale.intensity_rgb(frame.intensity_counts)
@@ -104,7 +78,7 @@ def draw_difference(one: Frame, other: Frame, scheme: Scheme = LIGHT) -> bytes:
     ):
         known = np.where(both, differences, np.nan)
         size = np.abs(known[both])
-        limit = nice_up(float(np.percentile(size, 99))) if size.size and size.max() > 0.0 else 1.0
+        limit = figures.round_up(float(np.percentile(size, 99))) if size.size and size.max() > 0.0 else 1.0
         step = np.clip(np.nan_to_num(known) / limit * 127.5 + 127.5, 0, 255).round().astype(int)
         rgb = colour_maps.ramp(colour_maps.ERROR_RAMP)[step]
         rgb[~both] = palette.split_rgb(palette.NO_RETURN)
@@ -149,13 +123,13 @@ def _draw_panels(panels: tuple[_Panel, ...], window: Window, across_m: float, sc
     for number, panel in enumerate(panels):
         left = _LEFT + number * (_SIDE + _GAP)
         image.paste(draw_panel(window.cut(panel.rgb), _SIDE, panel.empty), (left, _TOP))
-        write_raster(draw, left, 6, panel.title, _TEXT, scheme.ink, bold=True)
-        write_raster(draw, left + _SIDE, 6, panel.note, _TEXT - 2, scheme.quiet, "ra")
+        draw_text(draw, left, 6, panel.title, _TEXT, scheme.ink, bold=True)
+        draw_text(draw, left + _SIDE, 6, panel.note, _TEXT - 2, scheme.quiet, "ra")
         _draw_axes(draw, left, window, scheme)
         bar = Image.fromarray(colour_maps.ramp(panel.ramp)[None]).resize((_SIDE // 2, 14))
         image.paste(bar, (left + _SIDE // 4, _TOP + _SIDE + 38))
-        write_raster(draw, left + _SIDE // 4 - 8, _TOP + _SIDE + 36, panel.ends[0], _TEXT - 1, scheme.quiet, "ra")
-        write_raster(draw, left + 3 * _SIDE // 4 + 8, _TOP + _SIDE + 36, panel.ends[1], _TEXT - 1, scheme.quiet)
+        draw_text(draw, left + _SIDE // 4 - 8, _TOP + _SIDE + 36, panel.ends[0], _TEXT - 1, scheme.quiet, "ra")
+        draw_text(draw, left + 3 * _SIDE // 4 + 8, _TOP + _SIDE + 36, panel.ends[1], _TEXT - 1, scheme.quiet)
     _draw_scale_bar(draw, across_m)
     with io.BytesIO() as held:
         image.save(held, "PNG", compress_level=1)
@@ -173,7 +147,6 @@ def find_pixel(window: Window, x: float, y: float) -> tuple[int, int] | None:
 
     Parameters
     ----------
-    window : what the image shows
     x, y : point [pixels of the image], right and down
     """
     right, down, step = _box(window)
@@ -185,13 +158,7 @@ def find_pixel(window: Window, x: float, y: float) -> tuple[int, int] | None:
 
 
 def mark_pixel(window: Window, row: int, col: int) -> list[tuple[float, float, float]]:
-    """Return left, top and side [pixels of the image] of a pixel in each panel; nothing if the window lacks it.
-
-    Parameters
-    ----------
-    window : what the image shows
-    row, col : the pixel
-    """
+    """Return left, top and side [pixels of the image] of a pixel in each panel; nothing if the window lacks it."""
     if not (window.top <= row < window.bottom and window.left <= col < window.right):
         return []
     right, down, step = _box(window)
@@ -200,13 +167,7 @@ def mark_pixel(window: Window, row: int, col: int) -> list[tuple[float, float, f
 
 
 def outline_pixel(window: Window, row: int, col: int) -> str:
-    """Return the outline of a pixel in each panel, as SVG over the image.
-
-    Parameters
-    ----------
-    window : what the image shows
-    row, col : the pixel
-    """
+    """Return the outline of a pixel in each panel, as SVG over the image."""
     return "".join(
         f'<rect x="{x}" y="{y}" width="{side}" height="{side}" fill="none" stroke="{palette.IMAGE_MARK}" stroke-width="3"/>'
         for x, y, side in mark_pixel(window, row, col)
@@ -224,21 +185,21 @@ def _draw_axes(draw: ImageDraw, left: int, window: Window, scheme: Scheme) -> No
     for k in sorted({0, window.width // 2, window.width - 1}):
         x = left + right + (k + 0.5) * step
         draw.line((x, _TOP + _SIDE, x, _TOP + _SIDE + 4), fill=scheme.rule)
-        write_raster(draw, x, _TOP + _SIDE + 6, str(window.left + k), _TEXT - 2, scheme.quiet, "ma")
+        draw_text(draw, x, _TOP + _SIDE + 6, str(window.left + k), _TEXT - 2, scheme.quiet, "ma")
     for k in sorted({0, window.height // 2, window.height - 1}):
         y = _TOP + down + (k + 0.5) * step
         draw.line((left - 4, y, left, y), fill=scheme.rule)
-        write_raster(draw, left - 6, y, str(window.top + k), _TEXT - 2, scheme.quiet, "rm")
-    write_raster(draw, left + _SIDE // 4, _TOP + _SIDE + 6, "col", _TEXT - 2, scheme.quiet, "ma")
-    write_raster(draw, left - 6, _TOP + _SIDE // 4, "row", _TEXT - 2, scheme.quiet, "rm")
+        draw_text(draw, left - 6, y, str(window.top + k), _TEXT - 2, scheme.quiet, "rm")
+    draw_text(draw, left + _SIDE // 4, _TOP + _SIDE + 6, "col", _TEXT - 2, scheme.quiet, "ma")
+    draw_text(draw, left - 6, _TOP + _SIDE // 4, "row", _TEXT - 2, scheme.quiet, "rm")
 
 
 def _draw_scale_bar(draw: ImageDraw, across_m: float) -> None:
     """Draw a bar of a round length in the panel of intensity, which is `across_m` wide at the target."""
     if not (math.isfinite(across_m) and across_m > 0.0):
         return
-    length_m = nice_down(0.3 * across_m)
+    length_m = figures.round_down(0.3 * across_m)
     x, y, long = _LEFT + _SIDE + _GAP + 12, _TOP + _SIDE - 12, _SIDE * length_m / across_m
     draw.rectangle((x - 3, y - 25, x + max(long, 10 * len(f"{length_m:g} m")) + 3, y + 5), fill=palette.IMAGE_BLACK)
     draw.rectangle((x, y - 1, x + long, y + 2), fill=palette.IMAGE_WHITE)
-    write_raster(draw, x, y - 3, f"{length_m:g} m", _TEXT, palette.IMAGE_WHITE, anchor="ld")
+    draw_text(draw, x, y - 3, f"{length_m:g} m", _TEXT, palette.IMAGE_WHITE, anchor="ld")

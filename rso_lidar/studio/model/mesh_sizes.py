@@ -6,18 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene import Mesh, format_count, is_mesh_path, list_units, load_mesh
+from rso_lidar.scene import Mesh, is_mesh_path, list_units, load_mesh
 from rso_lidar.studio.model.root_folder import Folder
 from rso_lidar.studio.model.text_assessment import check_file
+from rso_lidar.units import format_count
 
 
 def list_mesh_sizes(name: str, folder: Folder) -> list[tuple[str, str, float]]:
     """List the units that a mesh file may be in, the likely one first: name, sides of the mesh in words, and metres.
-
-    Parameters
-    ----------
-    name : of the mesh, as a target gives it
-    folder : of the studio
 
     Raises
     ------
@@ -36,13 +32,7 @@ def list_mesh_sizes(name: str, folder: Folder) -> list[tuple[str, str, float]]:
 
 
 def list_mesh_targets(tables: Mapping[str, Any], name: str) -> dict[str, str]:
-    """Return the names of a scenario's targets by their places, first those that have a mesh.
-
-    Parameters
-    ----------
-    tables : of the text, valid or not
-    name : of the mesh
-    """
+    """Return the names of a scenario's targets by their places, first those that have a mesh."""
     entries = tables.get("target")
     entries = entries if isinstance(entries, list) else []
     targets = {f"target[{k}]": one for k, one in enumerate(entries) if isinstance(one, Mapping)}

@@ -19,12 +19,7 @@ _GREY = np.array([158.0, 158.0, 158.0])
 
 @lru_cache(maxsize=128)
 def draw_portrait(name: str) -> bytes:
-    """Draw a model of the catalogue as PNG with a transparent sky.
-
-    Parameters
-    ----------
-    name : of the model
-    """
+    """Draw a model of the catalogue as PNG with a transparent sky."""
     from PIL import Image
 
     target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))

@@ -1,12 +1,15 @@
-"""The place in a text that the message of an error is about."""
+"""Places in the text of a scenario: their keys, their lines, and the one that the message of an error is about."""
 
 from __future__ import annotations
 
 import re
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import find_line, parse_toml
+from rso_lidar.part import parse_toml
 
+_KEY = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
+_KEYS = rf"{_KEY}(?:\s*\.\s*{_KEY})*"
+_HEADER, _ENTRY = re.compile(rf"\s*(\[\[?)\s*({_KEYS})\s*\]"), re.compile(rf"\s*({_KEYS})\s*=")
 _PLACE = re.compile(r"([A-Za-z_][\w-]*(?:\[\d+\]|\.[\w-]+)*): ")
 
 
@@ -16,7 +19,6 @@ def locate_problem(message: str, text: str) -> tuple[str, int | None]:
     Parameters
     ----------
     message : of an error that `Scenario.loads` raises, without the title of the text
-    text : TOML of the scenario
     """
     if found := re.search(r"\(at line (\d+), column \d+\)", message):
         return "", int(found[1])
@@ -33,13 +35,52 @@ def locate_problem(message: str, text: str) -> tuple[str, int | None]:
     return place, find_line(text, place)
 
 
-def is_at(place: str, field: str) -> bool:
-    """Return whether a place is that of a field, or of a number of the vector in it.
+def split_place(place: str) -> tuple[str | int, ...]:
+    """Return the keys of a place such as ``target[0].motion.file``, with the numbers of entries of lists.
+
+    >>> split_place("target[0].motion.file")
+    ('target', 0, 'motion', 'file')
+    """
+    words = re.findall(r"\[(\d+)\]|([^.\[\]]+)", place)
+    return tuple(int(number) if number else word for number, word in words)
+
+
+def find_line(text: str, place: str) -> int | None:
+    r"""Return the line, from 1, of the key at a place, or of the table that is to hold it; None if there is neither.
+
+    Tables in one line (`{ ... }`) count as their key.
 
     Parameters
     ----------
-    place, field : TOML keys
+    place : dotted key, such as ``target[0].motion.file``.
+
+    >>> find_line('[lidar]\n[lidar.laser]\nenergy_mj = 5', "lidar.laser.energy_mj")
+    3
     """
+    wanted = tuple(str(step) for step in split_place(place))
+    here: tuple[str, ...] = ()
+    entries: dict[tuple[str, ...], int] = {}
+    best: tuple[int, int | None] = (0, None)
+    for number, line in enumerate(text.splitlines(), 1):
+        head, entry = _HEADER.match(line), _ENTRY.match(line)
+        if head is None and entry is None:
+            continue
+        steps = [step.strip("\"' \t") for step in re.findall(_KEY, head[2] if head else entry[1] if entry else "")]
+        path: tuple[str, ...] = () if head else here
+        for k, step in enumerate(steps):
+            path = (*path, step)
+            if head and head[1] == "[[" and k == len(steps) - 1:
+                entries[path] = entries.get(path, -1) + 1
+            if path in entries:
+                path = (*path, str(entries[path]))
+        here = path if head else here
+        if path[: len(wanted)] == wanted[: len(path)] and min(len(path), len(wanted)) > best[0]:
+            best = min(len(path), len(wanted)), number
+    return best[1]
+
+
+def is_at(place: str, field: str) -> bool:
+    """Return whether a place is that of a field, or of a number of the vector in it."""
     return field in (place, re.sub(r"\[\d+\]$", "", place))
 
 

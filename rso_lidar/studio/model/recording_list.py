@@ -69,7 +69,6 @@ def open_recording(folder: Folder, name: str) -> tuple[Recording, bool]:
     Parameters
     ----------
     folder : that holds it
-    name : of the recording in it
 
     Raises
     ------

@@ -36,7 +36,6 @@ def draw_figure(name: str, scenario: Scenario, scheme: Scheme) -> bytes:
     Parameters
     ----------
     name : one of `SCENARIO_FIGURES`
-    scenario : to be drawn
     scheme : `LIGHT` or `DARK`
     """
     with _lock, io.BytesIO() as held:

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.picture import LIGHT, Scheme, choose_part_colours, colour_maps, count_parts, find_part_name, palette
+from rso_lidar.picture import LIGHT, Scale, Scheme, colour_maps, colour_parts, find_part_name, palette
 from rso_lidar.records import Frame
-from rso_lidar.studio.model.frame_image import choose_scale
 
 
 class SpaceScene:
@@ -104,10 +103,7 @@ def draw_cloud(frame: Frame, scheme: Scheme = LIGHT, colour: str = "range", axes
 
     Parameters
     ----------
-    frame : of a scenario or of a recording
     scheme : `LIGHT` or `DARK`
-    colour : "range", "intensity", "part" or "probability" of detection, which needs the kept "prediction"
-    axes : "lidar", or those of a body such as a target
     """
     scene, valid = SpaceScene(f"cloud {axes}", scheme), frame.valid
     points = frame.points_m[valid]
@@ -132,17 +128,14 @@ def draw_cloud(frame: Frame, scheme: Scheme = LIGHT, colour: str = "range", axes
 
 def _colour_points(frame: Frame, colour: str) -> tuple[np.ndarray, dict[str, Any]]:
     """Return the colour of each return (return, rgb), and the legend."""
-    valid, scale = frame.valid, choose_scale(frame)
+    valid, scale = frame.valid, Scale.of_frames(frame)
     prediction: Any = frame.kept.get("prediction")
     if colour == "part":
-        kinds, places, counts = count_parts(frame)
-        chosen = np.full(valid.shape, -1)
-        indices = choose_part_colours(frame, kinds, np.argsort(-counts, kind="stable"), ())
-        chosen[frame.labels.target >= 0] = indices[places.reshape(-1)] if len(kinds) else []
+        parts = colour_parts(frame)
         colours = [*palette.PARTS, palette.OTHER_PART, palette.NO_RETURN]
-        words = {colours[c]: find_part_name(frame, *kind) for c, kind in zip(indices, kinds, strict=True)}
+        words = {colours[c]: find_part_name(frame, *kind) for c, kind in zip(parts.colours, parts.kinds, strict=True)}
         words |= {palette.OTHER_PART: "more parts"} if palette.OTHER_PART in words else {}
-        rgb = np.array([palette.split_rgb(colour) for colour in colours])[chosen[valid]]
+        rgb = np.array([palette.split_rgb(colour) for colour in colours])[parts.image[valid]]
         return rgb, {"title": "Part", "entries": [*words.items(), (palette.NO_RETURN, "no target")]}
     if colour == "probability" and prediction is not None:
         title, low, high, name = "Probability of detection", "0", "1", colour_maps.AMOUNT_RAMP

@@ -10,10 +10,11 @@ from rso_lidar.errors import RsoLidarError, ScenarioError, collect_warnings, sup
 from rso_lidar.files import explain_unreadable
 from rso_lidar.part import parse_toml
 from rso_lidar.scenario import Scenario, iterate_named_files, iterate_texts, list_named_code, parse_frames
-from rso_lidar.scene import format_count, model
+from rso_lidar.scene import model
 from rso_lidar.shipped import find, is_shipped
 from rso_lidar.studio.model.problem_place import locate_problem
 from rso_lidar.studio.model.root_folder import Folder
+from rso_lidar.units import format_count
 
 _CODE = re.compile(r"\bdynamics\b|\bfmu\b", re.IGNORECASE)  # fields and files that hold Python or native code
 
@@ -49,14 +50,7 @@ class Assessment:
 
 
 def assess(text: str, folder: Folder, title: str) -> Assessment:
-    """Assess a text; the files that it names must lie inside the folder, or be shipped.
-
-    Parameters
-    ----------
-    text : TOML of a scenario
-    folder : of the studio
-    title : of the text, which begins its messages
-    """
+    """Assess a text; the files that it names must lie inside the folder, or be shipped."""
     refusal = ""
     try:
         with suppress_warnings():
@@ -83,11 +77,6 @@ def check_study(path: Path, folder: Folder) -> None:
     """Check that a trade study or dataset specification runs no code and names no file outside the folder.
 
     Each text in it is judged as if it named a file, because a setting can put it into any field of the scenario.
-
-    Parameters
-    ----------
-    path : of the study, in the folder
-    folder : of the studio
 
     Raises
     ------
@@ -118,7 +107,6 @@ def load_flyable(path: Path, folder: Folder, title: str) -> Scenario:
 
     Parameters
     ----------
-    path : of the file
     folder, title : as in `assess`
 
     Raises
@@ -164,7 +152,6 @@ def list_warnings(made: Assessment, folder: Folder, title: str) -> list[str]:
 
     Parameters
     ----------
-    made : assessment of the text, with a scenario and without a refusal
     folder, title : as in `assess`
     """
     with collect_warnings() as lines:
@@ -197,12 +184,6 @@ def estimate_run(scenario: Scenario, frames: str, rate_hz: float) -> str:
 
 def check_file(name: str, folder: Folder, where: str) -> Path:
     """Check that a file that a text names is inside the folder or shipped, without opening it, and return its path.
-
-    Parameters
-    ----------
-    name : as the text gives it
-    folder : of the studio
-    where : start of the message
 
     Raises
     ------

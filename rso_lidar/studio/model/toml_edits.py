@@ -8,7 +8,8 @@ import tomllib
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import parse_toml, split_place
+from rso_lidar.part import parse_toml
+from rso_lidar.studio.model.problem_place import split_place
 
 _Steps = tuple[str | int, ...]
 
@@ -18,9 +19,7 @@ def set_value(text: str, place: str, value: Any) -> str:
 
     Parameters
     ----------
-    text : the TOML text
     place : dotted key, such as ``target[0].motion.file``; an index one past the end appends an entry
-    value : numbers, texts, instants, lists and tables
 
     Returns
     -------
@@ -95,12 +94,7 @@ def _edit(text: str, place: str, value: Any) -> str:
 
 
 def _apply(tables: Any, steps: _Steps, value: Any) -> None:
-    """Set or remove (None) the value at a place of tables.
-
-    Parameters
-    ----------
-    tables : changed in place
-    """
+    """Set or remove (None) the value at a place of tables."""
     for step in steps[:-1]:
         tables = tables.setdefault(step, {}) if isinstance(step, str) else tables[step]
     if value is None:

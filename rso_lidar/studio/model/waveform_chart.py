@@ -22,7 +22,6 @@ def make_waveform_chart(
     curves : parts of the waveform by name, each (n, 2): time since emission [ns] and counts; of names that begin with
         "light", photoelectrons per step
     instants_ns : instants to be marked, by name [ns since emission]: truth, reported, trigger
-    note : title, which says why there are no curves
     scheme : `LIGHT` or `DARK`
     """
     words = {"color": scheme.quiet}

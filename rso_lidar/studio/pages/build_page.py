@@ -9,9 +9,9 @@ from typing import Any
 from nicegui import events, run, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.part import split_place
 from rso_lidar.scenario import Scenario
 from rso_lidar.studio.model.form_fields import FieldForm, find_field, find_part, iterate_tables, list_fields
+from rso_lidar.studio.model.problem_place import split_place
 from rso_lidar.studio.model.text_assessment import describe
 from rso_lidar.studio.pages.elements import draw_button, mark
 from rso_lidar.studio.pages.form import TableForm, change_document, draw_add, draw_type

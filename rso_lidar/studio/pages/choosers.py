@@ -35,13 +35,7 @@ class Chooser:
 
 
 def find_chooser(cls: type[Part], key: str) -> Chooser | None:
-    """Return the chooser for a field of a part, or, with an empty key, for the whole table; None if there is none.
-
-    Parameters
-    ----------
-    cls : the part
-    key : name of the field
-    """
+    """Return the chooser for a field of a part, or, with an empty key, for the whole table; None if there is none."""
     return _CHOOSERS.get((cls, key))
 
 
@@ -179,7 +173,6 @@ async def choose_unit(tab: BrowserTab, place: str, name: str = "") -> None:
 
     Parameters
     ----------
-    tab : whose document it changes
     place : of the target; empty for the one that has the mesh, or else the first
     name : of the mesh file; empty for the one that the target has
     """

@@ -26,9 +26,7 @@ def mark(element: E, name: str, props: str = "") -> E:
 
     Parameters
     ----------
-    element : to be named
     name : as the mark of NiceGUI, and as `data-test` on the page
-    props : further properties
     """
     element.mark(name).props(props)
     element.props["data-test"] = name
@@ -40,10 +38,7 @@ def draw_button(text: str, action: Callable[..., Any], name: str = "", look: str
 
     Parameters
     ----------
-    text : on the button
-    action : called at a click
     name : as for `mark`; empty for none
-    look : further properties of Quasar
     """
     button = ui.button(text, on_click=action).props(f"dense no-caps {look}")
     return mark(button, name) if name else button
@@ -54,8 +49,6 @@ def draw_icon_button(icon: str, label: str, action: Callable[..., Any], name: st
 
     Parameters
     ----------
-    icon, label : the icon, and what the button does in words
-    action : called at a click
     name, look : as for `draw_button`
     """
     button = draw_button("", action, name or label, f"flat round {look}").tooltip(label)
@@ -68,7 +61,6 @@ def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str) -> 
 
     Parameters
     ----------
-    rows : name, caption and what a click does, of each
     kind : begins the mark of each row
     """
     with ui.list().props("separator dense").classes("w-full"):
@@ -92,13 +84,7 @@ def open_dialog(title: str, width: str = "w-[520px]") -> Iterator[ui.dialog]:
 
 
 def ask(question: str, answers: Mapping[str, str]) -> Awaitable[str | None]:
-    """Ask a question, and return the name of the answer, or None where the user cancels.
-
-    Parameters
-    ----------
-    question : one sentence
-    answers : words of each answer by its name, which is its mark, too
-    """
+    """Ask a question, and return the name of the answer, or None where the user cancels."""
     with ui.dialog().props('aria-label="Question"') as dialog, ui.card():
         ui.label(question)
         with ui.row():

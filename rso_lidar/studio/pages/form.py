@@ -108,12 +108,7 @@ class TableForm:
             self._inputs[place] = (field, one)
 
     def _commit(self, field: FieldForm, place: str, one: Any, *_: Any) -> None:
-        """Put what the user typed into the document; an empty field takes its default.
-
-        Parameters
-        ----------
-        *_ : what the event brings
-        """
+        """Put what the user typed into the document; an empty field takes its default."""
         document, typed = self._tab.document, one.value
         text = typed.strip() if isinstance(typed, str) else typed
         try:
@@ -142,12 +137,7 @@ class TableForm:
                 self._draw_variant(field, place, value, depth)
 
     def _draw_variant(self, field: FieldForm, place: str, value: Any, depth: int) -> None:
-        """Draw a table with the choice of its type, and what it holds.
-
-        Parameters
-        ----------
-        field, place, value : the table, its place, and what the text has there
-        """
+        """Draw a table with the choice of its type, and what it holds."""
         chosen = field.choose(value)
         with ui.row(wrap=False).classes("w-full items-center gap-1"):
             if field.kind == "variant":
@@ -164,12 +154,7 @@ class TableForm:
             self._draw(chosen, place, depth + 1)
 
     def _draw_entries(self, field: FieldForm, place: str, entries: list[Any], depth: int) -> None:
-        """Draw a list of tables.
-
-        Parameters
-        ----------
-        field, place, entries : the list, its place, and what the text has there
-        """
+        """Draw a list of tables."""
         for number, entry in enumerate(entries):
             chosen, here = field.choose(entry), f"{place}[{number}]"
             with ui.row().classes("items-center"):
@@ -181,13 +166,7 @@ class TableForm:
 
 
 def draw_type(tab: BrowserTab, field: FieldForm, place: str, value: Any) -> None:
-    """Draw the choice of the type of a table, which replaces the table.
-
-    Parameters
-    ----------
-    tab : whose document it changes
-    field, place, value : the table, its place, and what the text has there
-    """
+    """Draw the choice of the type of a table, which replaces the table."""
     names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
     tag = value.get("type", field.usual) if isinstance(value, Mapping) else None
     select = ui.select(names, value=tag if tag in names else None, label="type", with_input=True).classes("grow")
@@ -197,13 +176,7 @@ def draw_type(tab: BrowserTab, field: FieldForm, place: str, value: Any) -> None
 
 
 def draw_add(tab: BrowserTab, field: FieldForm, place: str) -> None:
-    """Draw the button that adds an entry to a list of tables, with the choice of its type where there are several.
-
-    Parameters
-    ----------
-    tab : whose document it changes
-    field, place : the list, and its place
-    """
+    """Draw the button that adds an entry to a list of tables, with the choice of its type where there are several."""
     if len(field.classes) == 1:
         draw_button(f"Add {field.key}", partial(_add_entry, tab, field, place, field.classes[0]), f"add-{place}")
         return
@@ -222,10 +195,7 @@ def change_document(tab: BrowserTab, action: str, place: str, *value: Any) -> No
 
     Parameters
     ----------
-    tab : whose document is changed
     action : name of a method of `Document`
-    place : of the change
-    *value : further arguments
     """
     with tell_errors():
         getattr(tab.document, action)(place, *value)

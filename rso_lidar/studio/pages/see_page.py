@@ -14,11 +14,11 @@ from nicegui import events, run, ui
 
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.mission_analysis import report_pixel
-from rso_lidar.picture import DARK, LIGHT
+from rso_lidar.picture import DARK, LIGHT, choose_window
 from rso_lidar.records import Frame
 from rso_lidar.studio.model.flight import PreviewFlight
 from rso_lidar.studio.model.flight_scenes import VIEWS
-from rso_lidar.studio.model.frame_image import choose_window, draw_image, find_pixel, outline_pixel
+from rso_lidar.studio.model.frame_image import draw_image, find_pixel, outline_pixel
 from rso_lidar.studio.model.scenario_figures import SCENARIO_FIGURES, draw_figure
 from rso_lidar.studio.model.space_scene import draw_cloud
 from rso_lidar.studio.model.text_assessment import describe

@@ -143,12 +143,7 @@ class DispersedFlight:
         return np.sum(here, axis=0) if here else None
 
     def _find_gain(self, now: int, aim: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return by what a known deviation is multiplied for the correction and for the one on arrival (3, 6) [m/s].
-
-        Parameters
-        ----------
-        now, aim : nodes of the correction and of the arrival
-        """
+        """Return by what a known deviation is multiplied for the correction and for the one on arrival (3, 6) [m/s]."""
         through = np.eye(6)
         for node in range(now, aim):
             through = self.transition[node] @ through

@@ -176,7 +176,6 @@ class Disperser:
         node : where the runs are
         state : (6, run) true deviations, inertial axes
         bank : the filters; None without
-        push : error of held thrust, which acts on the truth alone
         """
         if bank is None:
             return self.nodes.flow.advance(node, state, push)
@@ -258,7 +257,6 @@ class _KnowledgeNotes:
         ----------
         sample, node : indices of the sample and its node
         state : (6, run) true deviations, inertial axes
-        bank : the filters
         """
         error = self.nodes.to_rotating(node, bank.orbit - state)
         covariance = bank.find_orbit_covariance(self.nodes.axes[node], self.nodes.turn_rad_s[node])

@@ -28,8 +28,6 @@ def dispersion_figure(
     Parameters
     ----------
     tubes, table : columns over time and over runs, as `rso_lidar.study.disperse` makes them
-    target : its name
-    title : of the figure
     keep_out_m, hard_body_radius_m : marked where they are above 0 [m]
     """
     count = len(table["run"])

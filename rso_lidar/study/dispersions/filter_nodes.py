@@ -64,7 +64,6 @@ def find_burn_covariance(thrusters: Thrusters, command_m_s: np.ndarray) -> np.nd
 
     Parameters
     ----------
-    thrusters : whose random errors count
     command_m_s : (3, run) commanded changes of velocity [m/s]
     """
     return thrusters.find_covariance(command_m_s[:, None] * command_m_s[None])

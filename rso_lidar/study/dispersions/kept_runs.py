@@ -22,11 +22,6 @@ def identify_runs(scenario: Scenario, target: str) -> str:
     """Return eight hex digits that identify the runs of a scenario: SHA-256 of it, of the target and of the version.
 
     Covariances that element sets state are part of it, because the file of the sets may change.
-
-    Parameters
-    ----------
-    scenario : what is flown
-    target : name of the target
     """
     version = importlib.metadata.version("rso-lidar"), scenario.source.versions["arithmetic"]
     resolved = resolve_element_sets(scenario, target)
@@ -47,13 +42,7 @@ def read_blocks(path: Path) -> dict[int, Block]:
 
 
 def write_blocks(path: Path, blocks: dict[int, Block]) -> None:
-    """Write the finished blocks, whole or not at all.
-
-    Parameters
-    ----------
-    path : of the file
-    blocks : by their first runs
-    """
+    """Write the finished blocks, whole or not at all."""
     columns: dict[str, Any] = {
         f"{begin}:{name}": value for begin, block in blocks.items() for name, value in block.items()
     }

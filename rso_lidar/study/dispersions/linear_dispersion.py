@@ -82,13 +82,7 @@ class _SourceColumns:
         return rows
 
     def widen(self, count: int, label: str) -> None:
-        """Add columns of zeros.
-
-        Parameters
-        ----------
-        count : how many
-        label : their source
-        """
+        """Add columns of zeros."""
         self.matrix = np.hstack([self.matrix, np.zeros((len(self.matrix), count))])
         self.labels += [label] * count
 
@@ -160,12 +154,7 @@ def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
 
 
 def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _SourceColumns) -> None:
-    """Add the measurements of a node to the columns.
-
-    Parameters
-    ----------
-    node : where it measures
-    """
+    """Add the measurements of a node to the columns."""
     filters = flight.filter
     assert filters is not None
     if node not in filters:
@@ -197,7 +186,6 @@ def _carry(flight: DispersedFlight, bank: FilterBank | None, node: int, columns:
     Parameters
     ----------
     bank : the filter along the flight without errors; None if there is none
-    node : where they are
     """
     leg, start = flight.find_leg(node), flight.root.shape[1]
     columns.craft[:] = flight.transition[node] @ columns.craft

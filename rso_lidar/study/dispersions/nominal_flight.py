@@ -92,9 +92,6 @@ def find_nominal_flight(
 
     Parameters
     ----------
-    body : the body.
-    bodies : all bodies of the scenario.
-    start_utc : start of the run.
     chief : name of the body that is approached, whose rtn axes count.
     until_s : last instant of interest [s].
 

@@ -105,7 +105,6 @@ def make_detection(
 
     Parameters
     ----------
-    scenario : whose instrument is used, with its schedule
     time_s : (time,) instants of the samples [s]
     range_m : least and greatest range [m]
 

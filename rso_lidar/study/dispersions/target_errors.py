@@ -45,7 +45,6 @@ def _resolve(errors: StateErrors, scenario: Scenario, target: str, place: str) -
     Parameters
     ----------
     errors : whose `start` names element sets
-    scenario, target : what is flown, and name of the target
     place : of `start` in the scenario
     """
     assert errors.start is not None
@@ -65,7 +64,6 @@ def find_set_covariance(errors: ElementSetErrors, scenario: Scenario) -> np.ndar
 
     Parameters
     ----------
-    errors : file, object and age
     scenario : beside whose file that file lies, and whose start tells the age where none is given
     """
     catalog = Catalog.from_file(scenario.file(errors.file))

@@ -246,7 +246,6 @@ def evaluate(
 
     Parameters
     ----------
-    scenario : what to fly, in open loop
     names : keys of `MERITS`
     number : index of the evaluated target
     frames : indices of the simulated frames

@@ -74,7 +74,6 @@ def make_trade_plan(
 
     Parameters
     ----------
-    study : the study
     threads : of a single computation (None: one per core)
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names
     """
@@ -97,13 +96,7 @@ def _check_fields(plan: TradePlan) -> None:
 
 
 def _check_field(plan: TradePlan, place: str, field: str, text: str) -> None:
-    """Check a value of one axis in the scenario.
-
-    Parameters
-    ----------
-    plan, place : the plan, and the place of the axis in the study for the message
-    field, text : key of the scenario, and its value as TOML
-    """
+    """Check a value of one axis in the scenario."""
     changed = (*plan.study.set, f"{field}={text}")
     try:
         Scenario.loads(plan.text, folder=plan.folder, where=plan.where, settings=changed)

@@ -14,7 +14,7 @@ import numpy as np
 from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.export import write_parquet
 from rso_lidar.files import write_atomically, write_columns
-from rso_lidar.picture import LIGHT, Scheme, embed_figure, frame_figure, parts_in_order, write_page, write_table
+from rso_lidar.picture import LIGHT, Scheme, frame_figure, html_page, rank_parts
 from rso_lidar.records import Frame
 from rso_lidar.simulation import simulate
 from rso_lidar.study.trades.definition import Axis, Grid, write_toml_value
@@ -46,7 +46,6 @@ def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
     Parameters
     ----------
     trade : what is written
-    place : path of the file, ending in .csv, .parquet or .html
     scheme : colours of the report, `LIGHT` or `DARK`
     """
     suffix = place.suffix.lower()
@@ -92,7 +91,7 @@ def write_report(trade: TradeTable, scheme: Scheme = LIGHT) -> str:
         "<h2>How to get this again</h2>",
         *_write_origin(trade),
     ]
-    return write_page(study.name, body, scheme)
+    return html_page.write_page(study.name, body, scheme)
 
 
 # --------------------------------------------------------------------------------------------------------- the parts
@@ -122,7 +121,7 @@ def _tabulate_axes(trade: TradeTable) -> str:
     for axis in trade.study.axis:
         places = "<br>".join(f"<code>{escape(field)}</code>" for field in axis.field)
         rows.append((places, escape(_describe_values(axis, isinstance(trade.study.sampling, Grid)))))
-    return write_table([("axis", False), ("values", False)], rows)
+    return html_page.write_table([("axis", False), ("values", False)], rows)
 
 
 def _describe_values(axis: Axis, grid: bool) -> str:
@@ -142,7 +141,9 @@ def _tabulate_merits(names: Sequence[str]) -> str:
         for name in names
         for merit in [MERITS[name]]
     ]
-    return write_table([("figure of merit", False), ("unit", False), ("better", False), ("what it is", False)], rows)
+    return html_page.write_table(
+        [("figure of merit", False), ("unit", False), ("better", False), ("what it is", False)], rows
+    )
 
 
 def _write_best(trade: TradeTable) -> list[str]:
@@ -204,7 +205,7 @@ def _tabulate_points(trade: TradeTable, points: Sequence[tuple[str, int]]) -> st
     heads += [(escape(name_merit(MERITS[name])), True) for name in trade.study.judged_by]
     first = [[word] if len(heads) and heads[0][0] == "best in" else [] for word, _ in points]
     rows = [[*begin, *_format_cells(trade, point)] for begin, (_, point) in zip(first, points, strict=True)]
-    return write_table(heads, rows)
+    return html_page.write_table(heads, rows)
 
 
 def _format_cells(trade: TradeTable, point: int) -> Iterable[str]:
@@ -232,10 +233,12 @@ def _draw_plots(trade: TradeTable, scheme: Scheme) -> list[str]:
             made.append(f"<p>{escape(name_merit(merit))} is {format_value(alike)} at all points.</p>")
     for value, merit in shown:
         figure = effects_figure(value, axes, merit.better)
-        made.append(embed_figure(figure, f"{value.name} along each axis", scheme=scheme))
+        made.append(html_page.embed_figure(figure, f"{value.name} along each axis", scheme=scheme))
     if isinstance(trade.study.sampling, Grid):
         maps = [(maps_figure(value, axes, merit.better), value.name) for value, merit in shown]
-        drawn = [embed_figure(f, f"{name} over pairs of axes", scheme=scheme) for f, name in maps if f is not None]
+        drawn = [
+            html_page.embed_figure(f, f"{name} over pairs of axes", scheme=scheme) for f, name in maps if f is not None
+        ]
         made += ["<h2>Over pairs of axes</h2>", *drawn] if drawn else []
     means = [
         Quantity(value.name, trade.of_points(merit.name)[0], value.log, unranked=~trade.ranked(merit.name))
@@ -245,7 +248,7 @@ def _draw_plots(trade: TradeTable, scheme: Scheme) -> list[str]:
     against = against_figure(means, [merit.better for _, merit in shown], by, find_pareto_front(trade))
     if against is not None:
         words = "Figures of merit against each other"
-        made += ["<h2>Against each other</h2>", embed_figure(against, words, scheme=scheme)]
+        made += ["<h2>Against each other</h2>", html_page.embed_figure(against, words, scheme=scheme)]
     return made
 
 
@@ -290,7 +293,7 @@ def _tabulate_failures(trade: TradeTable, failed: np.ndarray) -> list[str]:
     rows = [(f"{count[k]:,}", f"{first[str(why[k])]}", escape(str(why[k]))) for k in order]
     return [
         "<h2>Points that could not be flown</h2>",
-        write_table([("rows", True), ("first", True), ("why", False)], rows),
+        html_page.write_table([("rows", True), ("first", True), ("why", False)], rows),
     ]
 
 
@@ -319,7 +322,7 @@ def _write_study(trade: TradeTable) -> str:
 def _draw_frames(trade: TradeTable, scheme: Scheme) -> list[str]:
     made = []
     frames = {point: _try_frame(trade, point * trade.study.seeds) for point, _ in choose_pictured(trade)}
-    parts = parts_in_order([frame for frame in frames.values() if isinstance(frame, Frame)])
+    parts = rank_parts([frame for frame in frames.values() if isinstance(frame, Frame)])
     for point, why in choose_pictured(trade):
         row, frame = point * trade.study.seeds, frames[point]
         made.append(f"<h3>{escape(why)} (row {row})</h3>")
@@ -333,7 +336,9 @@ def _draw_frames(trade: TradeTable, scheme: Scheme) -> list[str]:
             )
             command = escape(_write_command(trade, row, frame.index))
             caption = f"{escape(merits)}, over the whole run.<br><code>{command}</code>"
-            made.append(embed_figure(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption, scheme))
+            made.append(
+                html_page.embed_figure(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption, scheme)
+            )
     return ["<h2>Frames</h2>", *made] if made else []
 
 

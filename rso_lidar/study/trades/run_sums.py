@@ -43,7 +43,6 @@ def sum_frame(frame: Frame, number: int, size_m: float, least_pixels: int) -> Fr
 
     Parameters
     ----------
-    frame : the frame, with its labels
     number : index of the target
     size_m : size of the target [m]. A range error larger than that means that the pixel reported noise
     least_pixels : least number of pixels that report the target for it to be found in the frame
@@ -110,7 +109,6 @@ def combine_sums(parts: Sequence[FrameSums], weights: np.ndarray) -> Iterator[Ru
 
     Parameters
     ----------
-    parts : sums of frames, or of groups of frames
     weights : (replicate, part) how often each part counts
     """
     low = min(one.first for one in parts)

@@ -68,7 +68,6 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
 
     Parameters
     ----------
-    merit : the figure of merit
     along : the axes
     better : ``more`` or ``less``
     """
@@ -179,7 +178,6 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
 
     Parameters
     ----------
-    merit : the figure of merit
     along : the axes
     better : ``more`` or ``less``
     """
@@ -264,7 +262,6 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
 
     Parameters
     ----------
-    merits : the figures of merit
     better : of each, ``more`` or ``less``
     by : the axis that gives the colours
     best : (row) the rows marked as best

@@ -50,9 +50,6 @@ def bound_merit(merit: Merit, run: Run, frames: Sequence[FrameSums], confidence:
     Parameters
     ----------
     merit : a figure of merit that depends on the noise of frames, and on no tracker
-    run : the run without its sums
-    frames : sums of each frame
-    confidence : of each bound
     """
     total = RunSums(0, 0.0)
     for one in frames:
@@ -103,7 +100,6 @@ def bound_proportion(hits: np.ndarray, trials: np.ndarray, confidence: float) ->
     Parameters
     ----------
     hits, trials : (frame) successes and trials of each frame
-    confidence : of each bound
     """
     from scipy.special import stdtrit
 
@@ -122,7 +118,6 @@ def bound_count(counts: np.ndarray, confidence: float) -> tuple[float, float]:
     Parameters
     ----------
     counts : (frame) events of each frame
-    confidence : of each bound
     """
     total, n = float(counts.sum()), len(counts)
     scatter = float(np.var(counts, ddof=1) / np.mean(counts)) if n > 1 and total > 0.0 else 1.0
@@ -139,9 +134,6 @@ def bound_series(
     Parameters
     ----------
     runs : (frame) values of each run; NaN where there is none
-    statistic : function of values
-    confidence : of each bound
-    decimals : to which the value is rounded
     """
     known = [values[np.isfinite(values)] for values in runs]
     count, of = sum(map(len, known)), sum(map(len, runs))

@@ -50,7 +50,6 @@ def judge(requirement: Requirement, low: float, high: float) -> Verdict:
 
     Parameters
     ----------
-    requirement : the requirement
     low, high : lower and upper confidence bound of the value, or the value twice; NaN for none
     """
     if math.isnan(low) or math.isnan(high):

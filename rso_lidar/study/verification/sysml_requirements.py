@@ -44,12 +44,7 @@ def write_requirements(asked: Requirements, parameters: ParameterTable) -> list[
 
 
 def _write_requirement(one: Requirement, parameters: ParameterTable) -> list[str]:
-    """Write the requirement usage.
-
-    Parameters
-    ----------
-    one, parameters : the requirement, and the parameters of the mission
-    """
+    """Write the requirement usage."""
     if one.what.kind == "parameter":
         unit = parameters.find(one.quantity).unit
         value = ".".join(["lidar_mission", *(quote_name(step) for step in one.quantity.split("."))])

@@ -101,7 +101,6 @@ def _verify_frames(
     Parameters
     ----------
     make : makes the frames from a function that they call after each frame
-    tell : called with finished frames and all
     """
     done = [0, 0]
 
@@ -234,8 +233,6 @@ def _verify_study(
 
     Parameters
     ----------
-    workers, threads : processes of the study, and threads of a single computation
-    tell : called with finished runs and all
     trust_code, trust_fmu : as in `verify`
     """
     definition = study.study if isinstance(study, Trade) else study

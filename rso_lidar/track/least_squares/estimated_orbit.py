@@ -75,7 +75,6 @@ def propagate_state(
     vector : (6) position [m] and velocity [m/s] at `epoch_s` in GCRS axes
     time_s : (time) instants since `start_utc` [s]
     epoch_s : instant of the state [s]
-    start_utc : start of the run
     forces : besides the central attraction; None for two-body motion
 
     Returns

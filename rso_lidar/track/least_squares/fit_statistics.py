@@ -86,11 +86,6 @@ class FitStatistics:
 def chi_square_bounds(degrees_of_freedom: int, share: float = SHARE) -> tuple[float, float]:
     """Return the two-sided bounds of a chi-square distributed number.
 
-    Parameters
-    ----------
-    degrees_of_freedom : of the distribution
-    share : probability within the bounds
-
     Examples
     --------
     >>> [round(bound, 3) for bound in chi_square_bounds(6)]

@@ -68,7 +68,6 @@ def check_epoch(epoch_s: float | None, time_s: np.ndarray, name: str) -> float:
     ----------
     epoch_s : instant [s] (None: the first measurement)
     time_s : (measurement) instants [s]
-    name : start of the error message
     """
     at_s = float(time_s[0]) if epoch_s is None else float(epoch_s)
     if not time_s.min() - units.DAY_S <= at_s <= time_s.max() + units.DAY_S:
@@ -246,7 +245,6 @@ def _check_rank(slopes: np.ndarray, prior: np.ndarray, name: str) -> None:
     ----------
     slopes : (white, parameter) derivatives
     prior : (known, parameter) rows of the prior
-    name : start of the error message
     """
     rows = np.concatenate([slopes, prior])
     length = np.sqrt((rows**2).sum(axis=0))

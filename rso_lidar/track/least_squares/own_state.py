@@ -203,7 +203,6 @@ def format_fit_row(head: str, values: np.ndarray, form: str) -> str:
     ----------
     head : heading, padded to 16 characters
     values : (n,) numbers
-    form : format of each number, as after the colon of an f-string
 
     Returns
     -------

@@ -134,7 +134,6 @@ class RelativePrediction:
         Parameters
         ----------
         columns : (6, column)
-        target : orbit of the target
         """
         at = np.array(target.position_m), np.array(target.velocity_m_s)
         flown = []

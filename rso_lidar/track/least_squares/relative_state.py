@@ -280,8 +280,6 @@ def _find_start(line: np.ndarray, flown: BodyState, prediction: RelativePredicti
     Parameters
     ----------
     line : (measurement, 3) target minus follower [m]
-    flown : states of the follower
-    prediction : of the measured instants
     """
     slopes = prediction.differentiate(np.zeros(6))
     found: np.ndarray = np.linalg.lstsq(slopes.reshape(-1, 6), line.ravel(), rcond=None)[0]

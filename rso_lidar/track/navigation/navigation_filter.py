@@ -307,7 +307,6 @@ class NavigationFilter:
 
         Parameters
         ----------
-        source : what measured
         innovation : measured minus predicted (row)
         sensitivity : its derivatives by the error states (row, state)
         noise : covariance of the measurement (row, row)

@@ -130,7 +130,6 @@ class Navigator:
 
         Parameters
         ----------
-        observation : of the flash
         fix : in lidar axes
         """
         turned, origin = (self._mount.rotation * lidar_from_ptu().inv()).as_matrix(), np.array(self._mount.position_m)
@@ -198,9 +197,7 @@ def _advance(
 
     Parameters
     ----------
-    navigation : the filter
     rates : instants and samples of the gyro that it has not been given
-    waiting : other measurements, in the order of their instants
     until_s : the instant [s]
     """
     updates: dict[str, Any] = {

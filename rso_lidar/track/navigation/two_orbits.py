@@ -64,7 +64,6 @@ def predict_orbits(
     own_m_s2_sqrt_hz, target_m_s2_sqrt_hz : roots of the spectral densities of the white accelerations of the follower and of
         the target that are not modelled, each axis [m/s²/√Hz]
     oblate : whether the Earth's J2 acts
-    has_gravity : False in a local world
 
     Returns
     -------

@@ -93,7 +93,6 @@ class _Hypothesis:
         Parameters
         ----------
         time_s : instant of the pose [s]
-        found : the pose
         misfit : of the pose [m]
         middle_m : mean of the points (xyz), in axes that do not turn [m]
         axes_from_lidar : attitude of the lidar in these axes

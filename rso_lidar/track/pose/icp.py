@@ -135,7 +135,6 @@ def _turn_rows(at: np.ndarray, normal: np.ndarray, nearest: np.ndarray, model: S
     ----------
     at, normal : points (n, xyz) in body axes [m], and normals of their planes
     nearest : numbers (n) of the points of the model
-    model : of the target
     """
     columns = []
     for number, hinge in enumerate(model.hinges):
@@ -185,8 +184,6 @@ def misfit_m(
 
     Parameters
     ----------
-    lidar_from_body : the pose
-    model : points of the target, at the angles of its hinges
     points_m : points (n, 3) in lidar axes [m]
     outline : result of `find_outline`; distances from it are across the line of sight
     half_field_rad : half of the side of a square field of view [rad], or its half width and half height; infinite for a
@@ -218,7 +215,6 @@ def _find_returning(model: SampledMesh, nearest: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    model : of the target
     nearest : numbers (n) of the points of the mesh that are nearest to those of a cloud
     """
     assert model.hinge_of is not None

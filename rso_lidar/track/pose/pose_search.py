@@ -84,8 +84,6 @@ def align_again(points_m: np.ndarray, model: SampledMesh, found: Alignment, step
     Parameters
     ----------
     points_m : points (n, 3) in lidar axes [m]
-    model : of the target
-    found : the alignment to start from
     steps : greatest number of steps; None for the default of `align`
     """
     posed = model.turn_hinges(found.hinge_angles_rad)
@@ -110,7 +108,6 @@ def measure_misfit_m(
 
     Parameters
     ----------
-    found : the alignment
     model, points_m, outline, half_field_rad : as in `misfit_m`
     """
     posed = model.turn_hinges(found.hinge_angles_rad)
@@ -127,8 +124,6 @@ def search_hinges(points_m: np.ndarray, model: SampledMesh, found: Alignment) ->
     Parameters
     ----------
     points_m : points (n, 3) in lidar axes [m]
-    model : of the target
-    found : the alignment to start from
 
     Returns
     -------
@@ -158,8 +153,6 @@ def keep_sides(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> Al
     Parameters
     ----------
     points_m : points (n, 3) in lidar axes [m]
-    model : of the target, at the angles to be near to
-    found : the alignment
 
     Returns
     -------
@@ -183,7 +176,6 @@ def _measure_hinge_m2(seen_m: np.ndarray, model: SampledMesh, hinge: int) -> np.
     Parameters
     ----------
     seen_m : points (n, xyz) in body axes [m]
-    model : of the target
     hinge : index of the hinge; the first angle is the present one of the model
     """
     steps = 2.0 * np.pi / _HINGE_ANGLES * np.arange(_HINGE_ANGLES)
@@ -204,7 +196,6 @@ def _measure_part(seen_m: np.ndarray, model: SampledMesh, part: int) -> tuple[np
     Parameters
     ----------
     seen_m : points (n, xyz) in body axes [m]
-    model : of the target
     part : index of the hinge, -1 for the body
     """
     angle_rad = model.hinge_angles_rad[part] if part >= 0 else 0.0
@@ -231,8 +222,6 @@ def _measure_alignment_m2(points_m: np.ndarray, model: SampledMesh, found: Align
     Parameters
     ----------
     points_m : points (n, 3) in lidar axes [m]
-    model : of the target
-    found : the alignment
     """
     posed = model.turn_hinges(found.hinge_angles_rad)
     return float(_measure_planes_m2(found.pose.inv().apply(points_m)[None], posed)[0])
@@ -250,8 +239,6 @@ def search_turns(
     Parameters
     ----------
     points_m : points (n, 3) in lidar axes [m]
-    model : of the target
-    found : the pose to start from
     half_field_rad : as in `misfit_m`
 
     Returns
@@ -291,7 +278,6 @@ def _measure_planes_m2(clouds_m: np.ndarray, model: SampledMesh) -> np.ndarray:
     Parameters
     ----------
     clouds_m : points (cloud, n, 3) in body axes [m]
-    model : of the target
     """
     _, nearest = model.find_nearest(clouds_m.reshape(-1, 3))
     off = ((clouds_m.reshape(-1, 3) - model.points_m[nearest]) * model.normals[nearest]).sum(axis=1)
@@ -305,8 +291,6 @@ def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> l
 
     Parameters
     ----------
-    ranked : poses, the best first
-    model : points of the target, with its long axis
     count : greatest number of poses to select
 
     Returns
@@ -328,8 +312,6 @@ def _angle_between_rad(one: Alignment, other: Alignment, model: SampledMesh, by_
 
     Parameters
     ----------
-    one, other : the poses
-    model : points of the target, with its long axis
     by_axis : whether to compare the directions of the long axis only
 
     Returns

@@ -263,7 +263,6 @@ def _check_hinges(hinges: Sequence[MeshHinge], hinge_of_facet: np.ndarray | None
 
     Parameters
     ----------
-    hinges : of the mesh
     hinge_of_facet : (facet) index of the hinge of each facet, -1 for the body
     facets : number of facets
     """

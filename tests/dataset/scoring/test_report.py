@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from rso_lidar.dataset import check_report_output, compare, format_comparison, format_table, save_report
+from rso_lidar.dataset import check_score_report, compare, format_comparison, format_scores, save_score_report
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.track import sample_mesh
@@ -35,7 +35,7 @@ def cards():
 
 def test_json_holds_all_numbers(cards, tmp_path):
     good, bad = cards
-    save_report(good, check_report_output(tmp_path / "r.json", overwrite=False), compare(good, bad))
+    save_score_report(good, tmp_path / "r.json", compare(good, bad))
     read = json.loads((tmp_path / "r.json").read_text())
     merits = {one["name"]: one for one in read["merits"]}
     assert merits["accuracy"]["value"] == pytest.approx(good.merits[0].value.value)
@@ -55,18 +55,18 @@ def test_json_holds_all_numbers(cards, tmp_path):
 
 def test_the_page_needs_nothing_else(cards, tmp_path):
     good, bad = cards
-    save_report(bad, check_report_output(tmp_path / "r.html", overwrite=False), compare(bad, good))
+    save_score_report(bad, tmp_path / "r.html", compare(bad, good))
     text = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert not re.search(r"<script|<link|src=\"(?!data:)|href=", text)
     assert text.count("data:image/png") == 7 and "worse: " in text and "<code>adds_recall</code>" in text
 
 
 def test_pictures_go_to_a_folder(cards, tmp_path):
-    made = save_report(cards[0], check_report_output(tmp_path / "pictures", overwrite=False))
+    made = save_score_report(cards[0], tmp_path / "pictures")
     stems = ["precision_recall", "recall", "pose_range", "pose_lit_pixels", "confusion", "presence"]
     assert [path.stem for path in made] == stems and all(path.stat().st_size > 10_000 for path in made)
     with pytest.raises(RsoLidarError, match="holds pictures"):
-        check_report_output(tmp_path / "pictures", overwrite=False)
+        check_score_report(tmp_path / "pictures", overwrite=False)
 
 
 def test_places_that_cannot_be_written_are_refused_before_the_work(tmp_path):
@@ -78,18 +78,18 @@ def test_places_that_cannot_be_written_are_refused_before_the_work(tmp_path):
         (tmp_path / "none" / "r.json", "there is no folder"),
     ):
         with pytest.raises(RsoLidarError) as caught:
-            check_report_output(place, overwrite=False)
+            check_score_report(place, overwrite=False)
         assert words in str(caught.value)
 
 
 def test_the_table_says_what_was_left_out(cards):
-    lines = format_table(cards[0])
+    lines = format_scores(cards[0])
     assert lines[0] == "120 frames of 120 encounters, split 'test'"
     assert any(re.fullmatch(r"accuracy +[01][\d.]* +0\.\d+ to [01][\d.]* +90", line) for line in lines)
     truth = make_truth(40)
     truth.lit_pixels[:3] = 0
     card = make_card(truth, {"present": np.ones(40)})
-    assert "3 frames of a target with no lit pixel are left out" in format_table(card)
+    assert "3 frames of a target with no lit pixel are left out" in format_scores(card)
 
 
 def test_the_last_line_of_a_comparison_is_its_result(cards):

@@ -23,8 +23,8 @@ def desk(monkeypatch):
 
     def have(*, display=True, rerun=True, window=True):
         monkeypatch.setattr(module, "has_display", lambda: display)
-        monkeypatch.setattr(module, "has_rerun", lambda: rerun)
-        monkeypatch.setattr(module, "import_rerun", lambda what: None)
+        monkeypatch.setattr(module.rerun_scene, "has_rerun", lambda: rerun)
+        monkeypatch.setattr(module.rerun_scene, "import_rerun", lambda what: None)
         monkeypatch.setattr(module, "window_backend", lambda: "tkagg" if window else None)
 
     return have

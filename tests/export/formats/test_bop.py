@@ -9,7 +9,7 @@ from PIL import Image
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RsoLidarWarning
-from rso_lidar.export import choose_depth_scale
+from rso_lidar.export import choose_depth_scale, quantize_depth
 from rso_lidar.export.formats.bop import fit_pinhole
 from tests.export.frames_for_tests import make_frame, make_frames
 
@@ -102,11 +102,16 @@ def test_a_false_trigger_far_behind_costs_itself_and_no_precision(tmp_path):
 
 
 def test_steps_of_depth_reach_and_are_the_finest_that_do():
-    for greatest_mm in (0.0, 6553.5, 6553.6, 3.0e5, 3.0e6, 3.2768e6, 1e9):
-        step = choose_depth_scale(greatest_mm)
+    for farthest_m in (0.0, 300.0, 3.0e3, 3234.405, 3234.407, 3.3e3, 1e6):
+        step, greatest_mm = choose_depth_scale(farthest_m), (1.01 * farthest_m + 10.0) * 1e3
         assert step * 65535 >= greatest_mm
         assert step == 0.1 or step / 2.5 * 65535 < greatest_mm
-    assert choose_depth_scale(6553.5) == 0.1
+    assert (choose_depth_scale(0.0), choose_depth_scale(3234.405), choose_depth_scale(3234.407)) == (0.2, 50.0, 100.0)
+
+
+def test_counts_of_depth_are_rounded_and_zero_where_there_is_none():
+    depth_m = np.array([[np.nan, 0.01, 12.34], [6553.5, 6553.56, 9000.0]])
+    np.testing.assert_array_equal(quantize_depth(depth_m, 0.1), np.array([[0, 1, 123], [65535, 0, 0]], np.uint16))
 
 
 def test_camera_matrix_is_the_lens(tmp_path):

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError
-from rso_lidar.export import join_batches, read_truth_batches, to_stamp_ns
+from rso_lidar.export import read_truth, to_stamp_ns
 from rso_lidar.export.formats.trajectory import write_csv, write_kitti, write_tum
+from rso_lidar.export.formats.truth_batches import read_truth_batches
 
 COUNT = 9
 FAR_M = 8e-7  # the tree's axes lie 4e7 m apart, and a recorded rotation is good to 2e-15, up to ten times in each pose
@@ -76,7 +77,9 @@ def test_courses_of_many_batches_join(recorded, monkeypatch):
     monkeypatch.setattr("rso_lidar.export.formats.truth_batches._READ", 4)
     with export.open(recorded) as frames:
         assert [truth.time_s.size for truth, _ in read_truth_batches(frames)] == [4, 4, 1]
-        truth, angles = join_batches(read_truth_batches(frames[::-1]))
+        truth = read_truth(frames[::-1])
+        angles = [angle for _, batch in read_truth_batches(frames[::-1]) for angle in batch]
+        assert read_truth(frames, lambda n: np.array([0, n - 1])).time_s.tolist() == truth.time_s[[8, 0]].tolist()
         for k, frame in enumerate(reversed(list(frames))):
             at = truth.at(k)
             assert at.time_s == frame.time_s and at.sunlit == frame.truth.sunlit

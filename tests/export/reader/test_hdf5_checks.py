@@ -12,7 +12,7 @@ from frames_for_tests import SOURCE, leave_unfinished, make_frames
 from rso_lidar import export
 from rso_lidar.dataset.scoring.prediction_file import read_columns
 from rso_lidar.errors import DatasetError, RecordingError
-from rso_lidar.export import check_size
+from rso_lidar.export import check_declared_size
 from rso_lidar.export.reader.hdf5_checks import check_heaps
 
 RUN = "1a2b3c4d"
@@ -95,9 +95,9 @@ def test_fill_values_take_no_memory(tmp_path, size):
     with h5py.File(path, "w") as file:
         file.create_dataset("score", (size,), "f8", chunks=(2**17,), fillvalue=1.0)
         file.create_dataset("sample", (2**20,), "f8", fillvalue=1.0)
-        check_size(file["sample"])  # 8 MiB
+        check_declared_size(file["sample"])  # 8 MiB
         with pytest.raises(OSError, match=f"/score declares {8 * size:,} bytes, in a file of"):
-            check_size(file["score"])
+            check_declared_size(file["score"])
     assert path.stat().st_size < 10_000
     tracemalloc.start()
     with pytest.raises(DatasetError, match="score declares"):

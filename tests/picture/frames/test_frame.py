@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
 
-from rso_lidar.picture import frame_figure, parts_in_order, save_frame, summarize_frame
+from rso_lidar.picture import frame_figure, rank_parts, save_frame, summarize_frame
 from rso_lidar.picture.frames.frame import _describe_geometry
 from rso_lidar.picture.frames.panels import _free_corner
 from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE
@@ -106,7 +106,7 @@ def test_in_a_series_one_of_many_parts_keeps_its_colour(handmade):
         )
         labels = dataclasses.replace(frame.labels, part=np.where(there, spread, -1))
         series.append(dataclasses.replace(frame, source=source, labels=labels))
-    order, colours = parts_in_order(series), {}
+    order, colours = rank_parts(series), {}
     for one in series:
         legend = panels(frame_figure(one, order))["Parts, by the labels"].get_legend()
         for text, patch in zip(legend.get_texts(), legend.get_patches(), strict=True):

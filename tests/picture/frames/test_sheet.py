@@ -3,9 +3,10 @@ import pytest
 from PIL import Image, ImageDraw
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture import Scale, Thumbnail, contact_sheet, crop, draw_panel
+from rso_lidar.picture import Scale, Thumbnail, contact_sheet, draw_panel
 from rso_lidar.picture.frames.raster import GAP, draw_pair, load_font, shorten
 from rso_lidar.picture.frames.sheet import CAPTION, HEAD, MARGIN, SIDE, SPACE, _look
+from rso_lidar.picture.selection.window import crop
 from rso_lidar.picture.style.palette import IMAGE_MARK, NO_LIGHT, NO_RETURN, split_rgb
 
 

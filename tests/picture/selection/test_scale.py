@@ -1,21 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from rso_lidar.picture import Scale, Thumbnail, nice_down, nice_up
+from rso_lidar.picture import Scale, Thumbnail
 from rso_lidar.picture.style.colour_maps import FAINTEST, apply_ramp, fixed_palette, ramp
 from rso_lidar.picture.style.palette import NO_RETURN, split_rgb
-
-
-@given(st.floats(1e-6, 1e9))
-def test_nice_numbers_bracket_a_value_closely(value):
-    assert value * (1 - 1e-6) <= nice_up(value) <= 1.5 * value * (1 + 1e-6)
-    assert value / 2.5 * (1 - 1e-6) <= nice_down(value) <= value * (1 + 1e-6)
-
-
-def test_nice_up_of_nothing_is_one():
-    assert nice_up(0.0) == nice_up(float("nan")) == 1.0
+from rso_lidar.records import Reading
 
 
 def test_paint_clips_and_marks_what_is_missing():
@@ -93,3 +84,41 @@ def test_intensity_runs_from_faint_to_white(logarithmic):
     assert (faint, bright, none) == (FAINTEST, 255, 0)
     share = 0.5 if logarithmic else 90 / 990
     assert middle == pytest.approx(FAINTEST + share * (255 - FAINTEST), abs=1.5)
+
+
+@pytest.fixture(scope="module")
+def pair(handmade):
+    """A frame with 8 weak returns near 900 m, and one with 391 returns from 1000 to 1010 m of up to 4000 counts."""
+    seen = handmade.make_frame(labelled=False)
+    frames = []
+    for top, count, across, ends_m, ends_counts in (
+        (16, 8, 4, (900.0, 900.7), (20, 27)),
+        (96, 391, 20, (1000.0, 1010.0), (100, 4000)),
+    ):
+        range_m, counts = np.full((128, 128), np.nan), np.zeros((128, 128))
+        at = divmod(np.arange(count), across)
+        place = at[0] + top, at[1] + top
+        range_m[place], counts[place] = np.linspace(*ends_m, count), np.linspace(*ends_counts, count)
+        reading = Reading(range_m=range_m, intensity_counts=counts, saturated=np.zeros((128, 128), bool))
+        frames.append(replace(seen, observation=replace(seen.observation, reading=reading)))
+    return frames[0], frames[1]
+
+
+def test_the_scale_of_two_frames_spans_both(pair):
+    weak, strong = pair
+    scale = Scale.of_frames(weak, strong)
+    # Percentiles of even steps: 900 m + 1 % of 0.7 m, 1000 m + 99 % of 10 m; 20 + 2 % of 7, 100 + 99.5 % of 3900 counts.
+    assert (scale.low_m, scale.high_m) == pytest.approx((900.007, 1009.9), abs=1e-3)
+    assert (scale.low_counts, scale.high_counts, scale.logarithmic) == (20.0, 3981.0, True)
+    assert Scale.of_frames(strong, weak) == scale
+    assert Scale.of_frames(weak).high_m == pytest.approx(900.693, abs=1e-3)
+
+
+def test_eight_weak_returns_leave_the_other_frame_its_colours(pair):
+    weak, strong = pair
+    alone, both = Scale.of_frames(weak), Scale.of_frames(weak, strong)
+    colours = [len(np.unique(scale.range_rgb(strong.range_m, 0.0)[strong.valid], axis=0)) for scale in (alone, both)]
+    assert colours == [1, 24]  # 9.9 of 109.9 m of a ramp of 256 are 23 steps
+    assert alone.intensity_fraction(strong.intensity_counts[strong.valid]).min() > 1.0  # all of it white
+    faintest, brightest = both.intensity_fraction(np.array([100.0, 3981.0]))
+    assert (faintest, brightest) == pytest.approx((np.log(100 / 20) / np.log(3981 / 20), 1.0))

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture import Thumbnail, even_indices, find_target_pixels, on_target
-from rso_lidar.picture.selection.sequence import pick, pixel_rad
+from rso_lidar.picture import Thumbnail, even_indices, find_target_returns
+from rso_lidar.picture.selection.sequence import find_target_pixels, pick, pixel_rad
 
 
 @pytest.mark.parametrize(("n", "count"), [(1, 1), (10, 4), (540, 120), (121, 120), (7, 7), (3, 9), (1000, 2)])
@@ -83,9 +83,9 @@ def test_labels_tell_returns_from_false_ones_and_without_them_the_neighbours_do(
     labelled = handmade.make_frame(range_m=600.0, false_returns=40)
     bare = handmade.make_frame(range_m=600.0, false_returns=40, labelled=False)
     truth = labelled.labels.target >= 0
-    assert not (on_target(labelled) & ~truth).any()
-    assert (on_target(labelled) == (labelled.valid & truth)).all()
-    kept = on_target(bare)
+    assert not (find_target_returns(labelled) & ~truth).any()
+    assert (find_target_returns(labelled) == (labelled.valid & truth)).all()
+    kept = find_target_returns(bare)
     far_off = bare.valid & ~truth
     assert far_off.sum() > 30
     assert (kept & ~truth).sum() <= 0.1 * far_off.sum()

@@ -2,8 +2,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rso_lidar.picture import Window, bounding_window, crop
-from rso_lidar.picture.selection.window import LADDER, grow
+from rso_lidar.picture import Window
+from rso_lidar.picture.selection.window import LADDER, bounding_window, crop, grow
 
 
 @st.composite

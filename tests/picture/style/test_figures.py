@@ -1,6 +1,18 @@
 """Sizes of text at printed width, and the page of a figure."""
 
-from rso_lidar.picture.style.figures import LANDSCAPE_IN, PAGE_IN, SMALL_PT, TEXT_PT, colour_of, new_figure
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rso_lidar.picture.style.figures import (
+    LANDSCAPE_IN,
+    PAGE_IN,
+    SMALL_PT,
+    TEXT_PT,
+    colour_of,
+    new_figure,
+    round_down,
+    round_up,
+)
 from rso_lidar.picture.style.palette import LINES
 
 MM_PER_IN = 25.4
@@ -22,3 +34,13 @@ def test_curves_differ_in_colour_first_and_then_in_style():
     looks = [colour_of(k) for k in range(3 * len(LINES))]
     assert [colour for colour, _ in looks[: len(LINES)]] == list(LINES)
     assert len({(colour, str(style)) for colour, style in looks}) == 3 * len(LINES)
+
+
+@given(st.floats(1e-6, 1e9))
+def test_nice_numbers_bracket_a_value_closely(value):
+    assert value * (1 - 1e-6) <= round_up(value) <= 1.5 * value * (1 + 1e-6)
+    assert value / 2.5 * (1 - 1e-6) <= round_down(value) <= value * (1 + 1e-6)
+
+
+def test_nice_up_of_nothing_is_one():
+    assert round_up(0.0) == round_up(float("nan")) == 1.0

@@ -17,16 +17,16 @@ from rso_lidar.files import hold_lock
 from rso_lidar.scene import (
     MeshOptions,
     add_model,
-    known_meshes,
     load_mesh,
     model,
     models,
     own_folder,
     own_models,
     remove_model,
-    tessellate,
 )
 from rso_lidar.scene.library.group_materials import materials_of
+from rso_lidar.scene.library.mesh_units import known_meshes
+from rso_lidar.scene.meshes.cad import tessellate
 from tests.scene.meshes.test_mesh import BOX, binary_stl, glb, obj
 
 SOLIDS = (

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene import known_meshes, list_units, load_mesh
-from rso_lidar.scene.library.mesh_units import MeshUnit
+from rso_lidar.scene import list_units, load_mesh
+from rso_lidar.scene.library.mesh_units import MeshUnit, known_meshes
 from tests.scene.meshes.test_mesh import BOX, binary_stl, glb
 
 

@@ -278,7 +278,7 @@ def test_pictures_are_not_opened_and_data_that_are_no_plain_file_are_one_line(tm
     }
     (tmp_path / "a.glb").write_bytes(pack(tree, [PLATE]))
     loaded = load_mesh(tmp_path / "a.glb")
-    assert read_facet_colours(loaded).tolist() == [[255, 128, 0]]
+    assert read_facet_colours(loaded).tolist() == ["#ff8000"]
     for uri in ("pipe", "."):
         (tmp_path / "b.glb").write_bytes(pack({"buffers": [{"byteLength": 36, "uri": uri}]}, [PLATE]))
         with pytest.raises(MeshError, match=r"is not there; put it beside|outside its folder"):

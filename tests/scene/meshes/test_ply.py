@@ -31,7 +31,7 @@ def test_faces_of_several_lengths_are_read_in_either_order_of_bytes_with_lists_b
     assert areas[:6].sum() == pytest.approx(8.0, rel=1e-12) and len(areas) == 8
     assert corners[6].tolist() == [[4, 3, -2], [9, 9, -2], [0, 3, -2]]
     colours = read_facet_colours(mesh)
-    assert colours[6].tolist() == [(40 + 90 + 0) // 3, 7, (3 + 9 + 3) // 3]
+    assert colours[6] == f"#{(40 + 90 + 0) // 3:02x}{7:02x}{(3 + 9 + 3) // 3:02x}"
 
 
 def test_triangles_alone_are_read_at_once_to_the_same_result(load):  # noqa: F811

@@ -5,9 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from rso_lidar.errors import MeshError
-from rso_lidar.scene import examine_mesh, format_count, load_mesh, model, normalize_mesh
+from rso_lidar.errors import MeshError, ScenarioError
+from rso_lidar.scene import examine_file, examine_mesh, load_mesh, model
 from rso_lidar.scene.meshes.components import find_helper_cube
+from rso_lidar.scene.meshes.mesh import normalize_mesh
 from tests.optics import bench_for_tests
 from tests.scene.meshes.test_mesh import binary_stl
 
@@ -134,8 +135,17 @@ def test_real_spacecraft_have_the_holes_that_their_manifest_says(name, shared):
     assert (found.turned_edges == 0) == entry["winding_consistent"] or found.nonmanifold_edges
 
 
-def test_counts_are_words():
-    assert (format_count(1, "facet"), format_count(2000, "facet")) == ("1 facet", "2,000 facets")
+def test_a_file_is_examined_in_its_unit_and_a_model_by_its_name(tmp_path):
+    path = tmp_path / "box.stl"
+    path.write_bytes(binary_stl(box(1000.0, 2000.0, 3000.0)))
+    found = examine_file(path, scale=1e-3)
+    assert found.size_m == pytest.approx((1.0, 2.0, 3.0)) and found.area_m2 == pytest.approx(22.0)
+    assert examine_file(path).size_m == pytest.approx((1000.0, 2000.0, 3000.0)) and not found.known
+    assert examine_file("plate") == examine_mesh(model("plate").mesh)
+    with pytest.raises(MeshError, match="0: is not a scale; give a number over 0"):
+        examine_file(path, scale=0.0)
+    with pytest.raises(ScenarioError, match="unknown model 'plat'; did you mean 'plate'"):
+        examine_file("plat")
 
 
 def test_a_mesh_beyond_all_numbers_is_one_line(tmp_path):

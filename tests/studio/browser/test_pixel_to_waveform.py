@@ -7,8 +7,9 @@ import numpy as np
 from PIL import Image
 
 import rso_lidar as rl
+from rso_lidar.picture import choose_window
 from rso_lidar.shipped import shipped
-from rso_lidar.studio.model.frame_image import choose_window, draw_image, mark_pixel
+from rso_lidar.studio.model.frame_image import draw_image, mark_pixel
 from tests.studio.browser.page_elements import find_thumb, see_variance, wait_until_drawn
 
 IMAGE = '[data-test="image"] img'

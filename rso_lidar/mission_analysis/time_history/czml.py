@@ -46,11 +46,26 @@ class CzmlBeam:
     tip_m: np.ndarray
 
 
-def choose_samples(n: int, most: int = MOST_SAMPLES) -> np.ndarray:
-    """Choose at most `most` indices below `n`, evenly spread, both ends included.
+def choose_globe_samples(n: int, most: int = MOST_SAMPLES) -> np.ndarray:
+    """Choose the epochs of a run that a document for a browser globe holds, evenly spread, both ends included.
 
-    >>> choose_samples(10, 4)
-    array([0, 3, 6, 9])
+    Parameters
+    ----------
+    n : number of epochs
+    most : greatest number of epochs to choose
+
+    Returns
+    -------
+    ndarray
+        (sample) ascending indices below `n`.
+
+        >>> choose_globe_samples(10, 4)
+        array([0, 3, 6, 9])
+
+    Raises
+    ------
+    RecordingError
+        If `most` is below 2.
     """
     if most < 2:
         raise RecordingError(f"czml: {most} samples cannot show motion; give 2 or more")
@@ -72,18 +87,16 @@ def build_packets(
 
     Parameters
     ----------
-    title : of the document.
-    time_s : times (time) [s since start_utc].
-    bodies : to be shown, one or more.
-    start_utc, end_utc : start of `time_s`, and time of the last sample, as ISO UTC text.
-    lines : (name, name) of two bodies that a thin line joins, such as the follower and its target.
-    beams : lines that end in space.
-    most : greatest number of samples per body.
+    time_s : times (time) [s since start_utc]
+    start_utc, end_utc : start of `time_s`, and time of the last sample, as ISO UTC text
+    lines : (name, name) of two bodies that a thin line joins, such as the follower and its target
+    beams : lines that end in space
+    most : greatest number of samples per body
     """
     time_s = np.asarray(time_s, dtype=float)
     names = [body.name for body in bodies]
     _check_document(time_s, bodies, names, lines, beams)
-    chosen = choose_samples(time_s.size, most)
+    chosen = choose_globe_samples(time_s.size, most)
     at_s = time_s[chosen]
     span = f"{start_utc}/{end_utc}"
     document = {
@@ -159,10 +172,9 @@ def _check_document(
 
     Parameters
     ----------
-    time_s : (time) instants [s].
-    bodies, names : the bodies and their names.
-    lines : pairs of names that lines join.
-    beams : with the name of the body that each starts from.
+    time_s : (time) instants [s]
+    lines : pairs of names that lines join
+    beams : with the name of the body that each starts from
     """
     if not bodies or time_s.size < 1:
         raise RecordingError("czml: no body or no instant to write; check the selection")
@@ -191,9 +203,8 @@ def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
 
     Parameters
     ----------
-    at_s : (time) instants [s].
-    values : (time, n).
-    digits : decimal places to keep.
+    at_s : (time) instants [s]
+    values : (time, n)
     """
     if at_s.size == 1:
         return [round(float(value), digits) for value in values[0]]
@@ -206,10 +217,9 @@ def _position(at_s: np.ndarray, position_m: np.ndarray, epoch: str, degree: int 
 
     Parameters
     ----------
-    at_s : (time) instants [s].
-    position_m : (time, 3) in GCRS axes [m].
-    epoch : ISO 8601 text of the start.
-    degree : of the interpolating polynomial.
+    at_s : (time) instants [s]
+    position_m : (time, 3) in GCRS axes [m]
+    epoch : ISO 8601 text of the start
     """
     return {
         "interpolationAlgorithm": "LAGRANGE" if degree > 1 else "LINEAR",
@@ -225,9 +235,9 @@ def _orientation(at_s: np.ndarray, quaternion: np.ndarray, epoch: str) -> dict[s
 
     Parameters
     ----------
-    at_s : (time) instants [s].
-    quaternion : (time, 4), x, y, z, w.
-    epoch : ISO 8601 text of the start.
+    at_s : (time) instants [s]
+    quaternion : (time, 4), x, y, z, w
+    epoch : ISO 8601 text of the start
     """
     flips = np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=-1) < 0.0, -1.0, 1.0)
     smooth = quaternion * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
@@ -244,11 +254,8 @@ def _line(name: str, a: str, b: str, span: str, rgba: tuple[int, ...], width: in
 
     Parameters
     ----------
-    name : of the line.
-    a, b : names of the bodies.
-    span : interval of time in which it is shown.
-    rgba : colour, 0 to 255.
-    width : [pixels].
+    rgba : colour, 0 to 255
+    width : [pixels]
     """
     return {
         "id": name,

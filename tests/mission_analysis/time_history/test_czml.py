@@ -7,7 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.export import CzmlBeam, CzmlBody, build_packets, choose_samples, write_czml
+from rso_lidar.mission_analysis.time_history.czml import (
+    CzmlBeam,
+    CzmlBody,
+    build_packets,
+    choose_globe_samples,
+    write_czml,
+)
 
 START, END = "2024-09-17T12:00:00Z", "2024-09-17T13:30:00Z"
 RADIUS_M, RATE = 6928.137e3, 1.0949e-3  # a circular orbit at 550 km: 2 pi / 5739 s
@@ -95,8 +101,8 @@ def test_names_that_references_would_end_at_are_escaped():
 
 
 def test_thinning_keeps_both_ends():
-    assert choose_samples(5).tolist() == [0, 1, 2, 3, 4]
-    chosen = choose_samples(100_000)
+    assert choose_globe_samples(5).tolist() == [0, 1, 2, 3, 4]
+    chosen = choose_globe_samples(100_000)
     assert (len(chosen), chosen[0], chosen[-1]) == (2000, 0, 99_999)
 
 
