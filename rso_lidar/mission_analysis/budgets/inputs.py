@@ -13,17 +13,20 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from rso_lidar import sampling, units
 from rso_lidar.detector import AnyDetector, describe_window, list_neglected_effects
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.files import MOST_BYTES, read_text
-from rso_lidar.mission_analysis.budgets.silhouettes import cast_silhouettes
-from rso_lidar.scenario import Lidar, Scenario, load_presets
+from rso_lidar.optics import Laser, Receiver
+from rso_lidar.scenario import Lidar, Scenario, list_run_attitudes, load_presets, move_target, preview_mission
 from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete, find_material, load_materials
 
 _RANGES = 121
 _SPAN = 50.0  # default of the greatest range over the least
 _FARTHEST_M = 1e9
 _GATED_TO_M = 50_000.0
+# Silhouettes: attitudes of a run, cells along a side, and the distance in radii, where perspective changes half a per cent.
+_ATTITUDES, _CELLS, _AWAY = 24, 160, 200.0
 
 
 def select_camera(camera: Lidar | Scenario | str) -> tuple[Lidar, Scenario | None, str]:
@@ -117,7 +120,7 @@ def choose_target(given: Sequence[float] | float | None, scenario: Scenario | No
     """
     if given is None and scenario is not None and scenario.target:
         with suppress_warnings():
-            areas_m2, squares_m = cast_silhouettes(scenario, 0)
+            areas_m2, squares_m = _cast_silhouettes(scenario, 0)
         corners = scenario.corners_of(0).reshape(-1, 3)
         sides = tuple(float(side) for side in corners.max(axis=0) - corners.min(axis=0))
         name = scenario.target[0].name
@@ -136,6 +139,38 @@ def choose_target(given: Sequence[float] | float | None, scenario: Scenario | No
     a, b, c = sides
     box = f"target: a box of {' x '.join(f'{side:.4g}' for side in sides)} m, tumbling"
     return BudgetTarget(box, sides, 0.5 * (a * b + b * c + c * a), sorted(sides)[1])
+
+
+def _cast_silhouettes(scenario: Scenario, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cast rays at a target to find its silhouettes as the lidar sees them over a run.
+
+    Returns
+    -------
+    area_m2 : (attitude) area of the silhouette [m²].
+    square_m : (attitude) side of the largest square inside the silhouette, its sides along rows and columns [m].
+    """
+    from scipy.ndimage import distance_transform_cdt
+
+    preview = preview_mission(scenario)
+    geometry, surfaces = preview.targets[number], scenario.surfaces_of(number)
+    away_m = _AWAY * geometry.radius_m
+    fov_deg = 2.04 * float(np.arctan(1.0 / _AWAY)) / units.DEG
+    receiver = Receiver(
+        fov_deg=fov_deg, f_number=2.8, n_rows=_CELLS, n_cols=_CELLS, rays_per_pixel=1, min_rays_per_target=0
+    )
+    laser = Laser(divergence_deg=2.0 * fov_deg)
+    ahead_m = np.array([0.0, 0.0, away_m])
+    areas, squares = [], []
+    most = min(_ATTITUDES, int(np.count_nonzero(geometry.range_m > 0.0)))
+    for row, turned in dict(list_run_attitudes(preview, geometry.name, most)).items():
+        truth = move_target(scenario, number, preview.truth.at(row), ahead_m, turned)
+        hits = sampling.cast_pixels(receiver, laser, surfaces, truth, 1)
+        covered = np.zeros((_CELLS + 2, _CELLS + 2), dtype=bool)  # with a border of sky
+        covered[1 + hits.pixel // _CELLS, 1 + hits.pixel % _CELLS] = True
+        cell_m = away_m * receiver.pixel_tangent
+        areas.append(float(hits.weight.sum()) * cell_m**2)
+        squares.append(max(2.0 * float(distance_transform_cdt(covered, "chessboard").max()) - 1.0, 0.0) * cell_m)
+    return np.array(areas), np.array(squares)
 
 
 def choose_materials(

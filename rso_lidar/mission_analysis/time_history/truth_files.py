@@ -95,7 +95,7 @@ def _choose_kind(figure: str | None, suffix: str) -> str:
     if figure is None:
         return _FIGURES[0]
     if suffix not in FIGURE_SUFFIXES:
-        raise ScenarioError(f"figure {figure}: is for pictures; end the output with .png, or leave figure out")
+        raise ScenarioError(f"figure {figure}: is for pictures; end the output with .png, or leave it out")
     if figure not in _FIGURES:
         guess = did_you_mean(figure, _FIGURES)
         raise ScenarioError(f"figure {figure}: no such picture{guess} (known: {', '.join(_FIGURES)})")
