@@ -115,7 +115,7 @@ class Receiver(Part):
         if self.rays_per_pixel is not None and math.isqrt(self.rays_per_pixel) ** 2 != self.rays_per_pixel:
             near = max(1, round(math.sqrt(self.rays_per_pixel))) ** 2
             raise ValueError(
-                f"rays_per_pixel is a k x k grid: give a square number, {near} instead of {self.rays_per_pixel}"
+                f"rays_per_pixel is a k x k grid; give a square number, {near} instead of {self.rays_per_pixel}"
             )
         self._check_stray_light()
         return self

@@ -271,7 +271,7 @@ def compute_lidar_poses(tree: PoseTree) -> dict[str, np.ndarray]:
     The tree is walked once, outward from the lidar, so that each pose is composed along the shortest path.
     """
     if "lidar" not in tree:
-        raise RecordingError("a frame without axes named 'lidar' cannot be recorded: add them to its truth")
+        raise RecordingError("a frame without axes named 'lidar' cannot be recorded; add them to its truth")
     inward = np.zeros((len(tree), 4, 4))  # parent_from_name
     inward[:, :3, :3] = [tree[name].matrix for name in tree]
     inward[:, :3, 3] = [tree[name].translation_m for name in tree]

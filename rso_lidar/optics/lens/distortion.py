@@ -120,7 +120,7 @@ class DistortionPart(Part):
                 radius = float(np.min(np.hypot(part * to_x, part * to_y)))
                 raise ScenarioError(
                     f"distortion: folds the image over within the focal plane, near {radius:.3g} focal lengths from "
-                    "its middle: check the signs and sizes of k1, k2, k3, p1, p2 (they go with powers of tan(field))"
+                    "its middle; check the signs and sizes of k1, k2, k3, p1, p2 (they go with powers of tan(field))"
                 )
 
     def _slopes(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -166,7 +166,7 @@ class DistortionPart(Part):
                 x = x - scale * (yy * miss_x - xy * miss_y)
                 y = y - scale * (xx * miss_y - xy * miss_x)
         raise ScenarioError(
-            "distortion: no direction is imaged to some points of the focal plane: check the signs and sizes of "
+            "distortion: no direction is imaged to some points of the focal plane; check the signs and sizes of "
             "k1, k2, k3, p1, p2 (coefficients of powers of tan(field))"
         )
 
@@ -242,7 +242,7 @@ class ZemaxDistortion(DistortionPart):
         if corner > 1.05 * self.fit.reach_tangent:
             raise ScenarioError(
                 f"{self.file}: reaches {self.fit.reach_tangent:.4g} focal lengths from the axis, the focal plane's "
-                f"corner {corner:.4g}: list the distortion over a wider field"
+                f"corner {corner:.4g}; list the distortion over a wider field"
             )
         super().check(half_x, half_y)
 
@@ -286,14 +286,14 @@ def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
     # Predicted = (A B; C D) tan(field) + offset: the paraxial lens, for any names of axes and any origin.
     linear = np.stack([x, y, np.ones_like(x)], axis=1)
     if np.linalg.matrix_rank(linear, tol=1e-9 * max(float(np.abs(linear[:, :2]).max()), 1e-300)) < 3:
-        raise ScenarioError(f"{path}: its points are on one line: list a grid of fields in x and y")
+        raise ScenarioError(f"{path}: its points are on one line; list a grid of fields in x and y")
     paraxial = np.linalg.lstsq(linear, grid.predicted_m, rcond=None)[0]
     size_m = float(np.ptp(grid.predicted_m, axis=0).max())
     missed_m = float(np.abs(np.einsum("ij,jk->ik", linear, paraxial) - grid.predicted_m).max())
     determinant = float(paraxial[0, 0] * paraxial[1, 1] - paraxial[0, 1] * paraxial[1, 0])
     if missed_m > 1e-3 * size_m or abs(determinant) < 1e-6 * float(np.abs(paraxial[:2]).max()) ** 2:
         raise ScenarioError(
-            f"{path}: its predicted points are not f tan(field): list the distortion against F-Tan(theta), not F-Theta"
+            f"{path}: its predicted points are not f tan(field); list the distortion against F-Tan(theta), not F-Theta"
         )
     inverse = np.linalg.inv(paraxial[:2])
     xd, yd = np.einsum("ij,jk->ik", grid.real_m - paraxial[2], inverse).T
@@ -312,7 +312,7 @@ def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
     if rms > WORST_FIT * radius:
         raise ScenarioError(
             f"{path}: Brown-Conrady coefficients fit its grid only to {100 * rms / radius:.2g} % of the field (rms, "
-            f"{100 * WORST_FIT:g} % is allowed): list a smaller field, or one lens at a time"
+            f"{100 * WORST_FIT:g} % is allowed); list a smaller field, or one lens at a time"
         )
     powers = radius ** -np.array([2.0, 4.0, 6.0, 1.0, 1.0])
     k1, k2, k3, p1, p2 = (float(value) for value in found[:5] * powers)

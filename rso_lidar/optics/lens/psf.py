@@ -318,7 +318,7 @@ def _shares(
     if caught.min() < _LEAST_CAUGHT:
         raise ScenarioError(
             f"psf: only {100 * float(caught.min()):.2g} % of its light lands within {reach} pixels of "
-            f"{pitch_m / units.UM:g} um: check its width, spacing and centre"
+            f"{pitch_m / units.UM:g} um; check its width, spacing and centre"
         )
     found: np.ndarray = shares / caught
     found.flags.writeable = False
@@ -381,6 +381,6 @@ def _table(path: str, _modified_ns: int, _size: int) -> np.ndarray:
     lines = [(number, line.replace(",", " ").replace(";", " ")) for number, line in lines if line.strip()[0] != "#"]
     values = parse_matrix(path, lines)
     if min(values.shape) < 2:
-        raise ScenarioError(f"{path}: has {values.shape[0]} rows of {values.shape[1]}: a kernel needs rows and columns")
+        raise ScenarioError(f"{path}: has {values.shape[0]} rows of {values.shape[1]}; a kernel needs rows and columns")
     values.flags.writeable = False
     return values

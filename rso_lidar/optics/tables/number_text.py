@@ -33,12 +33,12 @@ def read_text(path: str) -> str:
         text = content.decode(encoding)
     except UnicodeDecodeError:
         if encoding != "utf-8-sig":
-            raise ScenarioError(f"{path}: is UTF-16 text that is cut off or damaged: save it again") from None
+            raise ScenarioError(f"{path}: is UTF-16 text that is cut off or damaged; save it again") from None
         text = content.decode("latin-1")
     if not text.strip():
-        raise ScenarioError(f"{path}: is empty: give a file of numbers")
+        raise ScenarioError(f"{path}: is empty; give a file of numbers")
     if re.search(r"[\0-\x08\x0e-\x19\x1b-\x1f]", text):
-        raise ScenarioError(f"{path}: is not text: give a listing saved as text")
+        raise ScenarioError(f"{path}: is not text; give a listing saved as text")
     return text
 
 
@@ -57,12 +57,12 @@ def convert_decimal_commas(text: str) -> str:
 def parse_matrix(path: str, lines: list[tuple[int, str]]) -> np.ndarray:
     """Parse (line number, text) pairs into an array (row, col): all finite, none negative, not all zero."""
     if not lines:
-        raise ScenarioError(f"{path}: contains no rows of numbers: give a listing with its data, not the header alone")
+        raise ScenarioError(f"{path}: contains no rows of numbers; give a listing with its data, not the header alone")
     rows: list[list[float]] = []
     for number, line in lines:
         row = parse_numbers(line)
         if row is None:
-            raise ScenarioError(f"{path}: line {number}: is not a row of numbers ({line.strip()[:30]!r}): correct it")
+            raise ScenarioError(f"{path}: line {number}: is not a row of numbers ({line.strip()[:30]!r}); correct it")
         if rows and len(row) != len(rows[0]):
             raise ScenarioError(
                 f"{path}: line {number}: has {len(row)} numbers where the first row has {len(rows[0])}: "
@@ -72,15 +72,15 @@ def parse_matrix(path: str, lines: list[tuple[int, str]]) -> np.ndarray:
     values = np.array(rows)
     if not np.all(np.isfinite(values)):
         number = lines[int(np.argwhere(~np.isfinite(values))[0, 0])][0]
-        raise ScenarioError(f"{path}: line {number}: contains a value that is not finite: save the listing again")
+        raise ScenarioError(f"{path}: line {number}: contains a value that is not finite; save the listing again")
     below = -1e-9 * values.max()  # less is the rounding of a transform
     if values.min() < below:
         number = lines[int(np.argwhere(values < below)[0, 0])][0]
         raise ScenarioError(
-            f"{path}: line {number}: contains a negative intensity: save the linear intensity, not a field, phase or log"
+            f"{path}: line {number}: contains a negative intensity; save the linear intensity, not a field, phase or log"
         )
     if values.max() == 0.0:
-        raise ScenarioError(f"{path}: all its values are zero: save a listing with light in it")
+        raise ScenarioError(f"{path}: all its values are zero; save a listing with light in it")
     intensity: np.ndarray = values.clip(0.0)
     return intensity
 

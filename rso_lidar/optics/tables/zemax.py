@@ -101,20 +101,20 @@ def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
     header = "\n".join(line for _, line in lines[:first])
     kind = re.search(r"Listing of ([^\r\n]*?)(?: Data)?\s*$", header, re.MULTILINE)
     if kind and ("psf" not in kind[1].lower() or "cross section" in kind[1].lower()):
-        raise ScenarioError(f"{path}: is a listing of {kind[1]}, not of a Huygens PSF: save that analysis as text")
+        raise ScenarioError(f"{path}: is a listing of {kind[1]}, not of a Huygens PSF; save that analysis as text")
     pair = re.search(r"Image grid size\s*:?\s*(\d+)\s*(?:by|x)\s*(\d+)", header, re.IGNORECASE)
     if first == len(lines) and not pair and not re.search(r"spacing|psf", header, re.IGNORECASE):
-        raise ScenarioError(f"{path}: is not a Huygens PSF listing: save that analysis as text")
+        raise ScenarioError(f"{path}: is not a Huygens PSF listing; save that analysis as text")
     values = parse_matrix(path, lines[first:])
     n_rows, n_cols = values.shape
     stated = sorted(map(int, pair.groups())) if pair else [n_cols, n_cols]
     if sorted(values.shape) != stated:
         reason = f"its header states {pair[1]} by {pair[2]}" if pair else "a Huygens PSF is square"
-        raise ScenarioError(f"{path}: has {n_rows} rows of {n_cols}, but {reason}: the file is cut off, save it again")
+        raise ScenarioError(f"{path}: has {n_rows} rows of {n_cols}, but {reason}; the file is cut off, save it again")
     center = re.search(r"Center point is\s*:?\D*(\d+)\D+(\d+)", header, re.IGNORECASE)
     at = (float(center[1]) - 1.0, float(center[2]) - 1.0) if center else (float(n_rows // 2), float(n_cols // 2))
     if not (0 <= at[0] < n_rows and 0 <= at[1] < n_cols):
-        raise ScenarioError(f"{path}: its center point is outside its {n_rows} by {n_cols} grid: save it again")
+        raise ScenarioError(f"{path}: its center point is outside its {n_rows} by {n_cols} grid; save it again")
     strehl = re.search(rf"Strehl ratio\s*:?\s*({_NUMBER})", header, re.IGNORECASE)
     values = values / values.sum()
     values.flags.writeable = False
@@ -150,10 +150,10 @@ def _spacing_m(path: str, header: str, n_cols: int) -> float:
         metres = _float(area[1]) * _metres(area[2]) / n_cols
     else:
         raise ScenarioError(
-            f"{path}: has no line 'Data spacing is ... um': save the Huygens PSF as text with its header"
+            f"{path}: has no line 'Data spacing is ... um'; save the Huygens PSF as text with its header"
         )
     if not 1e-12 < metres < 1.0:
-        raise ScenarioError(f"{path}: its data spacing is {metres:g} m: check the header's number and unit")
+        raise ScenarioError(f"{path}: its data spacing is {metres:g} m; check the header's number and unit")
     return metres
 
 
@@ -191,9 +191,9 @@ def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
     """
     text = convert_decimal_commas(read_text(path))
     if not re.search(r"Grid Distortion|Predicted\s*X", text, re.IGNORECASE):
-        raise ScenarioError(f"{path}: is not a Grid Distortion listing: save that analysis as text")
+        raise ScenarioError(f"{path}: is not a Grid Distortion listing; save that analysis as text")
     if re.search(r"Field units are (?!deg)", text, re.IGNORECASE):
-        raise ScenarioError(f"{path}: its fields are not angles in degrees: list it with fields of type Angle")
+        raise ScenarioError(f"{path}: its fields are not angles in degrees; list it with fields of type Angle")
     length = re.search(r"^\s*Units are\s+(\w+)", text, re.IGNORECASE | re.MULTILINE)
     scale = _metres(length[1] if length else "mm")
     indices, rows = [], []
@@ -208,17 +208,17 @@ def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
         if len(values) not in (7, 8):
             raise ScenarioError(
                 f"{path}: line {number}: has {len(values) + 2} columns, not i j X-Field Y-Field R-Field, predicted "
-                "and real X and Y and distortion: the file is cut off or damaged, save it again"
+                "and real X and Y and distortion; the file is cut off or damaged, save it again"
             )
         if not np.all(np.isfinite(values)):
-            raise ScenarioError(f"{path}: line {number}: contains a value that is not finite: save the listing again")
+            raise ScenarioError(f"{path}: line {number}: contains a value that is not finite; save the listing again")
         rows.append(values[:7])
     _check_grid(path, indices)
     if len(rows) < 9:
-        raise ScenarioError(f"{path}: has {len(rows)} points that the lens images: list a grid of 3 by 3 or more")
+        raise ScenarioError(f"{path}: has {len(rows)} points that the lens images; list a grid of 3 by 3 or more")
     table = np.array(rows)
     if np.any(np.abs(table[:, :2]) >= 89.0):
-        raise ScenarioError(f"{path}: has fields of 89 degrees and more: list those within the camera's field")
+        raise ScenarioError(f"{path}: has fields of 89 degrees and more; list those within the camera's field")
     wave = re.search(rf"Wavelength\s*:?\s*({_NUMBER})\s*{_UNIT}", text, re.IGNORECASE)
     return GridDistortion(
         field_tangent=np.tan(table[:, :2] * units.DEG),
@@ -231,14 +231,14 @@ def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
 def _check_grid(path: str, indices: list[tuple[int, int]]) -> None:
     """Raise `ScenarioError` unless the listing has all points of its grid, whose indices run from -n to n."""
     if not indices:
-        raise ScenarioError(f"{path}: contains no points: give a listing with its data, not the header alone")
+        raise ScenarioError(f"{path}: contains no points; give a listing with its data, not the header alone")
     side = {i for pair in indices for i in pair}
     expected = (max(side) - min(side) + 1) ** 2
     if min(side) < 0:
         expected = (2 * -min(side) + 1) ** 2
     if len(indices) != expected or len(set(indices)) != expected:
         raise ScenarioError(
-            f"{path}: has {len(indices)} points where its grid has {expected}: the file is cut off, save it again"
+            f"{path}: has {len(indices)} points where its grid has {expected}; the file is cut off, save it again"
         )
 
 
@@ -252,4 +252,4 @@ def _metres(unit: str) -> float:
         return _METRES[unit.lower()]
     if re.fullmatch(r"[uµμ�?]+m?|micro\w*|micron\w*", unit.lower()):
         return units.UM
-    raise ScenarioError(f"a listing in '{unit}', an unknown unit: export it in micrometres")
+    raise ScenarioError(f"a listing in '{unit}', an unknown unit; export it in micrometres")

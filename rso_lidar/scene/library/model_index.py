@@ -219,7 +219,7 @@ def read_own_index(path: Path) -> list[dict[str, Any]]:
         return []
     tables = read_table(path, "correct it").get("model", [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise MeshError(f"{path}: 'model' is not a list of [[model]]: correct it")
+        raise MeshError(f"{path}: 'model' is not a list of [[model]]; correct it")
     return tables
 
 
@@ -233,7 +233,7 @@ def read_models(folder: Path) -> dict[str, ModelEntry]:
     path = folder / "index.toml"
     entries = read_table(path).get("model", [])
     if not isinstance(entries, list) or not entries:
-        raise MeshError(f"{path}: lists no [[model]]: {_INSTALL_AGAIN}")
+        raise MeshError(f"{path}: lists no [[model]]; {_INSTALL_AGAIN}")
     return {entry.name: entry for entry in (_entry(path, table) for table in entries)}
 
 
@@ -243,7 +243,7 @@ def read_materials(folder: Path) -> dict[str, dict[str, Any]]:
     tables = read_table(path)
     for name, table in tables.items():
         if not isinstance(table, dict) or "type" not in table:
-            raise MeshError(f"{path}: {name}: has no 'type': {_INSTALL_AGAIN}")
+            raise MeshError(f"{path}: {name}: has no 'type'; {_INSTALL_AGAIN}")
     return tables
 
 
@@ -263,7 +263,7 @@ def read_table(path: Path, cure: str = _INSTALL_AGAIN) -> dict[str, Any]:
         return parse_toml(read_text(path, MOST_TOML_BYTES, MeshError, "index (.toml)"), f"{path}", MeshError)
     except MeshError as error:
         reason = str(error).removeprefix(f"{path}: ").partition(";")[0]
-        raise MeshError(f"{path}: cannot be read ({reason}): {cure}") from None
+        raise MeshError(f"{path}: cannot be read ({reason}); {cure}") from None
 
 
 class _ModelTable(BaseModel):
@@ -333,13 +333,13 @@ def _entry(path: Path, table: Any, cure: str = _INSTALL_AGAIN, *, own: bool = Fa
     required = [key for key, field in _ModelTable.model_fields.items() if field.is_required()]
     missing = [key for key in required if not isinstance(table, dict) or key not in table]
     if missing:
-        raise MeshError(f"{path}: model '{name}': lacks {', '.join(missing)}: {cure}")
+        raise MeshError(f"{path}: model '{name}': lacks {', '.join(missing)}; {cure}")
     try:
         read = _ModelTable(**table)
     except ValidationError as error:
-        raise MeshError(f"{path}: model '{name}': {explain(error, _ModelTable, table)}: {cure}") from None
+        raise MeshError(f"{path}: model '{name}': {explain(error, _ModelTable, table)}; {cure}") from None
     except ScenarioError as error:
-        raise MeshError(f"{path}: model '{name}': {error}: {cure}") from None
+        raise MeshError(f"{path}: model '{name}': {error}; {cure}") from None
     classes = (guess_part_classes(read.parts) if own else dict.fromkeys(read.parts, OTHER)) | read.part_classes
     values = {
         key: getattr(read, key) for key in _ModelTable.model_fields if key not in ("hinge", "parts", "part_classes")

@@ -61,5 +61,5 @@ def test_what_is_known_of_meshes_cannot_be_changed_and_is_read_like_all_else(tmp
             table["name"] = "other"
     monkeypatch.setattr("rso_lidar.scene.library.mesh_units.shipped", lambda name: tmp_path)
     known_meshes.cache_clear()
-    with pytest.raises(MeshError, match=r"known_meshes\.toml: cannot be read \(no such file\): install"):
+    with pytest.raises(MeshError, match=r"known_meshes\.toml: cannot be read \(no such file\); install"):
         known_meshes()

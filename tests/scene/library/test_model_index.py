@@ -41,7 +41,7 @@ def test_unknown_model_is_one_line_with_a_cure():
 
 
 def test_missing_index_is_one_line(tmp_path):
-    with pytest.raises(MeshError, match=r"index\.toml: cannot be read \(no such file.*\): install .*") as caught:
+    with pytest.raises(MeshError, match=r"index\.toml: cannot be read \(no such file.*\); install .*") as caught:
         read_models(tmp_path)
     assert "\n" not in str(caught.value)
 
@@ -67,7 +67,7 @@ def test_entry_that_lacks_keys_names_them(tmp_path):
         field.name: "?" for field in dataclasses.fields(ModelEntry) if field.name not in ("path", "sha256", "axes")
     }
     (tmp_path / "index.toml").write_text(tomli_w.dumps({"model": [entry | {"name": "probe"}]}))
-    with pytest.raises(MeshError, match=r"model 'probe': lacks axes, sha256: install the package again"):
+    with pytest.raises(MeshError, match=r"model 'probe': lacks axes, sha256; install the package again"):
         read_models(tmp_path)
 
 
