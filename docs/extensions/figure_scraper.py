@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 from sphinx_gallery.scrapers import figure_rst
 
-from rso_lidar.picture.style.defaults import make_rc_params
+from rso_lidar.picture import make_rc_params
 
 DPI = 110  # of figures, which are some 10 in wide
 

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
     from rso_lidar.motion.motions.state_space import StateSpace
     from rso_lidar.motion.mount import Mount
-    from rso_lidar.motion.proximity import find_flight, find_plan, list_commands
+    from rso_lidar.motion.proximity import find_flight, find_plan, follows_plan, get_flown_motion, list_commands
     from rso_lidar.orbit import write_aem, write_attitude_csv
 else:
     __getattr__ = export_lazily(__name__)
@@ -104,6 +104,8 @@ __all__ = [
     "find_flight",
     "find_moon_m",
     "find_plan",
+    "follows_plan",
+    "get_flown_motion",
     "get_chief_name",
     "lidar_from_ptu",
     "list_commands",

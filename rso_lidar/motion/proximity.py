@@ -16,6 +16,26 @@ from rso_lidar.rpo import (
 )
 
 
+def follows_plan(body: Body) -> bool:
+    """Return whether a body flies a proximity operation, whose plan `find_plan` finds.
+
+    Parameters
+    ----------
+    body : whose motion counts
+    """
+    return isinstance(body.motion, Flown | ProximityOperation)
+
+
+def get_flown_motion(body: Body) -> Flown | None:
+    """Return the motion of a body that flies a plan by real forces; None for any other motion.
+
+    Parameters
+    ----------
+    body : whose motion counts
+    """
+    return body.motion if isinstance(body.motion, Flown) else None
+
+
 def find_plan(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) -> Plan | None:
     """Find the plan of a body in a proximity operation, flown by real forces or not.
 

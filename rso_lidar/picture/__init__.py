@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
+    from rso_lidar.picture.style.defaults import make_rc_params
     from rso_lidar.picture.frames.animation import ANIMATION_SUFFIXES, animate
     from rso_lidar.picture.frames.frame import frame_figure, save_frame, summarize_frame
     from rso_lidar.picture.frames.panels import draw_intensity, draw_range
@@ -31,6 +32,7 @@ else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "make_rc_params",
     "ANIMATION_SUFFIXES",
     "DARK",
     "FIGURE_SUFFIXES",

@@ -19,7 +19,8 @@ DARK = 0.5  # visible share of the Sun's disc below which a body is in shadow
 class ViewingGeometry:
     """The line of sight from the lidar's origin to a target's origin; arrays (time), SI.
 
-    Azimuth (left positive) and elevation (up positive) are in the follower's body axes, NaN without a follower.
+    `time_s` counts from the start of the scenario; `range_m` is the distance and `range_rate_m_s` its rate.
+    `azimuth_rad` (left positive) and `elevation_rad` (up positive) are in the follower's body axes, NaN without a follower.
     `off_boresight_rad` is the angle from the boresight to the target, and `sun_off_boresight_rad` to the Sun.
     `phase_rad` is the angle Sun-target-lidar, 0 with the Sun behind the lidar. The Sun's angles are NaN without a Sun.
     `sunlit` is the share of the Sun's disc that the target sees, NaN where unknown.

@@ -101,6 +101,7 @@ def test_every_part_of_a_scenario_has_its_table(generator):
         rl.motion.Body,
         rl.motion.HingeAxes,
         rl.rpo.RelativeMotion,
+        rl.rpo.RtnMotion,
         rl.rpo.ProximityOperation,
     }  # extended by others
     assert len(exported) > 80

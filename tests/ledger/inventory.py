@@ -26,7 +26,7 @@ def list_names():
     names |= {f"format:{name}" for name in FORMATS}
     names |= {f"preset:{name}" for name in load_presets()}
     names |= {f"command:{name}" for name in COMMANDS}
-    names |= {f"track:{name}" for name in rl.track.__all__}
+    names |= {f"track:{name}" for name in rl.track.__all__ if not name.isupper()}
     return names
 
 

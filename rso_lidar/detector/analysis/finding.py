@@ -66,6 +66,11 @@ def estimate_k_of_n(succeeded: int, tried: int, needed: int, flashes: int) -> fl
     succeeded, tried : successes, and trials; at least `flashes` trials.
     needed, flashes : k and n.
 
+    Returns
+    -------
+    float
+        The probability; the mean of many estimates is the true one.
+
     >>> estimate_k_of_n(2, 4, 1, 2)  # of the six pairs of trials only one has no success
     0.8333333333333334
     """

@@ -18,6 +18,11 @@ def mark_reports(reading: Reading, photons: Photons, mine: np.ndarray) -> np.nda
     reading : of the flash.
     photons : light of the flash.
     mine : (return) whether a report of this return counts.
+
+    Returns
+    -------
+    np.ndarray
+        (pixel) bool, row by row.
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     listed = reading.range_m if reading.return_range_m is None else reading.return_range_m

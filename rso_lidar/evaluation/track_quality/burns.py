@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import rpo
-from rso_lidar.motion import find_plan, list_commands
+from rso_lidar.motion import find_plan, follows_plan, list_commands
 from rso_lidar.scenario import Scenario
 
 _LEAST_M_S = 1e-9  # velocity change between two frames below which the flight counts as free
@@ -19,7 +19,7 @@ def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[rpo.P
     without a plan has no known burns, because tables, state-space models and controllers do not state theirs.
     """
     # without a plan no code that the follower may name is needed
-    if not isinstance(scenario.follower.motion, rpo.Flown | rpo.ProximityOperation):
+    if not follows_plan(scenario.follower):
         return []
     plan = find_plan(scenario.follower, scenario.bodies, scenario.time.start_utc)
     if plan is None or time_s.size < 2:

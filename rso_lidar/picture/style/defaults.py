@@ -18,6 +18,15 @@ def make_rc_params(scheme: Scheme = LIGHT) -> dict[str, Any]:
     off, because matplotlib draws it over images; ``axes.grid()`` draws one in the style. Lines that matplotlib does not
     count among the curves, such as those of ``axes.axhline``, have the colour of axes.
 
+    Parameters
+    ----------
+    scheme : colours, light or dark
+
+    Returns
+    -------
+    dict
+        Values by the names of matplotlib's settings.
+
     >>> make_rc_params()["image.cmap"]
     'viridis'
     """

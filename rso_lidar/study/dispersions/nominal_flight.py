@@ -100,12 +100,12 @@ def find_nominal_flight(
     ScenarioError
         If its guidance is an object of the user's, which is not known in all runs at once.
     """
-    motion, plan, held = body.motion, None, []
+    motion, plan, held = get_flown_motion(body), None, []
     commands: tuple[PlannedImpulse, ...] = ()
     updates: list[GuidanceInstant] = []
     forces, thrusters, least = Forces(), Thrusters(), 0.0
     navigation: NavigationErrors | RelativeFilter = NavigationErrors()
-    if isinstance(motion, Flown):
+    if motion is not None:
         if motion.guidance is not None and not isinstance(motion.guidance, TwoImpulseGuidance):
             raise ScenarioError(
                 'follower.motion.guidance: an object of your own cannot be dispersed; use type = "two_impulse"'
@@ -123,9 +123,7 @@ def find_nominal_flight(
                 GuidanceInstant(now_s, guidance.find_aim_s(plan, now_s, next_s))
                 for now_s, next_s in itertools.pairwise((*instants, math.inf))
             ]
-    elif isinstance(motion, ProximityOperation):
-        plan = find_plan(body, bodies, start_utc)
-        assert plan is not None
+    elif (plan := find_plan(body, bodies, start_utc)) is not None:
         commands = tuple(one for one in plan.impulses if one.time_s <= until_s)
     if plan is not None:
         ends = [*(leg.begin_s for leg in plan.legs[1:]), math.inf]
