@@ -28,6 +28,7 @@ from rso_lidar.detector.detect import (
     report_probability,
 )
 from rso_lidar.detector.geiger.array import GeigerArray
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.algorithm import Ranging
 from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd
@@ -35,7 +36,6 @@ from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.settings.gate import Gate
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.detector.settings.readout import LowGain, Readout
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.detector.settings.trigger import Trigger
