@@ -37,7 +37,7 @@ if TYPE_CHECKING:
         report_probability,
     )
     from rso_lidar.detector.geiger.array import GeigerArray
-    from rso_lidar.detector.ranging.pulse import Pulse
+    from rso_lidar.detector.ranging.pulse import LaserPulse, Pulse
     from rso_lidar.detector.settings.algorithm import Ranging
     from rso_lidar.detector.settings.amplifier import Amplifier
     from rso_lidar.detector.settings.apd import Apd
@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     )
     from rso_lidar.detector.settings.gate import Gate
     from rso_lidar.detector.settings.gsfl import Gsfl
-    from rso_lidar.detector.settings.laser_pulse import LaserPulse
     from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
     from rso_lidar.detector.settings.readout import LowGain, Readout
     from rso_lidar.detector.settings.traits import DetectorTraits

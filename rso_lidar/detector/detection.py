@@ -48,9 +48,9 @@ from rso_lidar.detector.analysis.gsfl_detector import BuiltGsfl
 from rso_lidar.detector.analysis.user_detector import BuiltUserDetector, Detector
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.geiger.photon_counter import BuiltGeigerArray
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.part import Seam
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
-    from rso_lidar.picture.style.defaults import make_rc_params
     from rso_lidar.picture.frames.animation import ANIMATION_SUFFIXES, animate
     from rso_lidar.picture.frames.frame import frame_figure, save_frame, summarize_frame
     from rso_lidar.picture.frames.panels import draw_intensity, draw_range
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from rso_lidar.picture.selection.sequence import Thumbnail, choose_window, even_indices, find_target_returns
     from rso_lidar.picture.selection.window import Window
     from rso_lidar.picture.style import colour_maps, figures, html_page, palette
+    from rso_lidar.picture.style.defaults import make_rc_params
     from rso_lidar.picture.style.output import FIGURE_SUFFIXES, RESULT_SUFFIXES, save_figure, save_figure_or_table
     from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
     from rso_lidar.picture.style.recolour import recolour
@@ -32,7 +32,6 @@ else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "make_rc_params",
     "ANIMATION_SUFFIXES",
     "DARK",
     "FIGURE_SUFFIXES",
@@ -62,6 +61,7 @@ __all__ = [
     "html_page",
     "inertial_figure",
     "is_about_earth",
+    "make_rc_params",
     "orbit_figure",
     "osculating_orbit_m",
     "palette",

@@ -8,7 +8,7 @@ import numpy as np
 
 from rso_lidar.detector.analysis.array_load import ArrayLoad
 from rso_lidar.detector.analysis.closed_form import Prediction
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
 

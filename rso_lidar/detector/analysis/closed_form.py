@@ -25,10 +25,9 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.ranging.gate_threshold import GateThresholds
 from rso_lidar.detector.ranging.matched_filter import Matched
-from rso_lidar.detector.ranging.pulse import Pulse
+from rso_lidar.detector.ranging.pulse import LaserPulse, Pulse
 from rso_lidar.detector.settings.apd import cumulants
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.errors import ScenarioError
 
 _Kernel = Callable[[np.ndarray], np.ndarray]

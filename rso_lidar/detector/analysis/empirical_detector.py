@@ -11,8 +11,8 @@ from rso_lidar.detector.analysis.built_detector import BuiltDetector
 from rso_lidar.detector.analysis.closed_form import Prediction
 from rso_lidar.detector.analysis.pixel_reports import combine_clusters
 from rso_lidar.detector.chain.curves import detect_by_curves
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.empirical import Empirical
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.records import Photons, Reading
 
 

@@ -15,8 +15,8 @@ from rso_lidar.detector.analysis.pixel_reports import report_probability_gsfl
 from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.chain.timing import plan_time
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.detector.stages.array_effects import draw_shift_m
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Photons, Reading, Taps, Waveforms

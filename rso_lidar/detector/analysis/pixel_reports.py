@@ -17,10 +17,9 @@ from rso_lidar import units
 from rso_lidar.detector.analysis.closed_form import predict_gsfl
 from rso_lidar.detector.analysis.sunlight_levels import split_sunlight
 from rso_lidar.detector.chain.camera import FlashCamera, camera_of
-from rso_lidar.detector.ranging.pulse import Pulse
+from rso_lidar.detector.ranging.pulse import LaserPulse, Pulse
 from rso_lidar.detector.settings.focal_plane import Timing
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.detector.stages.false_triggers import rates_per_s
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Photons

@@ -12,7 +12,7 @@ import numpy as np
 from rso_lidar.detector.analysis.array_load import ArrayLoad
 from rso_lidar.detector.analysis.built_detector import BuiltDetector
 from rso_lidar.detector.analysis.closed_form import Prediction
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import (

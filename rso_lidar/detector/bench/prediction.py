@@ -11,7 +11,7 @@ from rso_lidar import units
 from rso_lidar.detector.analysis.closed_form import Prediction
 from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.detection import AnyDetector, predict_closed_form
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.errors import ScenarioError
 
 _TRIALS, _FEWEST = 200, 20  # pixels for each return: the standard error of a probability is at most 0.035

@@ -11,7 +11,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.bench.trial import make_point_returns
 from rso_lidar.detector.detection import AnyDetector, detect, isolate
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
+from rso_lidar.detector.ranging.pulse import LaserPulse
 
 _EACH = 64  # trials of a separation: standard error of a probability at most 0.06
 _TOLERANCE_M = 0.5  # within which a report is that of a return

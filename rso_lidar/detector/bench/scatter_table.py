@@ -10,8 +10,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.bench.trial import make_plate, run_trial
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.records import Photons
 
 _SEED = 91  # random seed of the trials

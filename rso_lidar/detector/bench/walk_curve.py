@@ -10,7 +10,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.bench.trial import make_plate
 from rso_lidar.detector.detection import AnyDetector, detect, isolate
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.errors import ScenarioError
 
 DYNAMIC_RANGE = 250_000.0  # of the receiver of Baharmast & Kostamovaara, Opt. Eng. 59(10) 104102 (2020)

@@ -16,12 +16,11 @@ from rso_lidar.detector.chain.timing import TimeAxis, build_axis, plan_time
 from rso_lidar.detector.ranging.bipolar_pulse import crossing_lead_s
 from rso_lidar.detector.ranging.gate_threshold import GateThresholds
 from rso_lidar.detector.ranging.location import Locator
-from rso_lidar.detector.ranging.pulse import Pulse
+from rso_lidar.detector.ranging.pulse import LaserPulse, Pulse
 from rso_lidar.detector.ranging.range_walk import tabulate_walk
 from rso_lidar.detector.settings.focal_plane import Bloom
 from rso_lidar.detector.settings.gate import Gate
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
 from rso_lidar.detector.stages.avalanche import build_avalanche

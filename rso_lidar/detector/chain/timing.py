@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.detector.stages.amplification import Filters
 from rso_lidar.detector.stages.comparator import Bridge
 from rso_lidar.detector.stages.convolution import PulseFilters, transform_pulse

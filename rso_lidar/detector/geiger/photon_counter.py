@@ -14,7 +14,7 @@ from rso_lidar.detector.analysis.reported_light import bound_reports
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.geiger.counting import first_photon_moments, live_fraction, peak_probability
 from rso_lidar.detector.geiger.histogram import count_photons
-from rso_lidar.detector.settings.laser_pulse import LaserPulse
+from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.records import Photons, Reading
 
 _TRIALS, _FEWEST_TRIALS, _MOST_TRIALS = 32, 8, 4000  # of a lit pixel, and of all together

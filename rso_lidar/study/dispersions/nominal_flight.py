@@ -14,10 +14,8 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import Body, Chief, find_flight, find_plan
 from rso_lidar.orbit import Epochs, Forces
 from rso_lidar.rpo import (
-    Flown,
     NavigationErrors,
     PlannedImpulse,
-    ProximityOperation,
     RelativeFilter,
     Thrusters,
     TwoImpulseGuidance,
