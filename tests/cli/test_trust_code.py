@@ -102,7 +102,14 @@ def test_code_is_refused_in_one_line_and_does_not_run(folder, rso_lidar, words):
     assert sorted(path.name for path in folder.iterdir()) == before  # no output, and no file that the code writes
 
 
-@pytest.mark.parametrize("words", COMMANDS, ids="-".join)
+LONG = ("trade", "dataset make", "budget a.toml --find")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [pytest.param(words, marks=pytest.mark.slow if " ".join(words).startswith(LONG) else ()) for words in COMMANDS],
+    ids="-".join,
+)
 def test_trusted_code_runs(folder, rso_lidar, words, monkeypatch):
     monkeypatch.setattr(Server, "run", lambda self, ended: None)
     status, _, errors = rso_lidar(*words, "--trust-code")

@@ -63,6 +63,7 @@ def mission(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_trade_flies_fmus_where_they_are_trusted(mission, tmp_path):
     with pytest.raises(ScenarioError, match="holds native code"):
         trade(mission / "study.toml", str(tmp_path / "refused.csv"))

@@ -31,7 +31,14 @@ def fenced(text, language):
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
 
-LONG = {"dispersion.md", "exports.md", "requirements.md", "studies.md", "tracking.md"}  # their code takes seconds
+LONG = {
+    "datasets.md",
+    "dispersion.md",
+    "exports.md",
+    "requirements.md",
+    "studies.md",
+    "tracking.md",
+}  # their code takes seconds
 WITH_CODE = [
     pytest.param(page, marks=pytest.mark.slow if page.name in LONG else ())
     for page in sorted(DOCS.glob("*.md"))

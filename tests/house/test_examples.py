@@ -31,6 +31,7 @@ def test_twins_are_equal(file):
     assert scenario != twin.replace(seed=twin.seed + 1)
 
 
+@pytest.mark.slow
 def test_nothing_lands_among_the_examples(tmp_path):
     """Commands that name no output, dynamics that are imported, twins and a study's table, from another folder."""
     shutil.copytree(EXAMPLES, tmp_path / "examples", ignore=shutil.ignore_patterns("__pycache__"))

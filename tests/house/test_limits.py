@@ -30,7 +30,10 @@ def start(folder, text, *options, limit_s=300.0, quick_s=30.0):
         "RSO_LIDAR_TEST_LIMIT_S": str(limit_s),
         "RSO_LIDAR_QUICK_TEST_S": str(quick_s),
         "PYTHONPATH": str(ROOT),
+        "NUMBA_CACHE_DIR": str(folder),  # tests beside may compile kernels meanwhile
     }
+    (folder / "old.nbi").touch()
+    os.utime(folder / "old.nbi", (0, 0))
     return subprocess.Popen(
         [sys.executable, "-m", "pytest", *OWN, *options, "."],
         cwd=folder,

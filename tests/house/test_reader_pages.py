@@ -71,7 +71,11 @@ def test_there_is_a_page_for_each_reader():
     assert sum(len(commands(page)) for page in PAGES) >= 6
 
 
-@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=pytest.mark.slow if page.stem == "mission_analyst" else ()) for page in PAGES],
+    ids=NAMES,
+)
 def test_commands_print_what_is_shown(page, folder):
     for command, shown in commands(page):
         status, output, errors = call(folder, command)

@@ -68,6 +68,7 @@ def test_the_light_of_pixels_is_known_as_well_as_was_asked_for(name, shared, val
         validation(case=f"{name} at {CRAFT[name]} m: {what}", source=SOURCE, **numbers)
 
 
+@pytest.mark.slow
 def test_the_error_that_labels_say_is_the_true_one(shared, validation):
     true_2, said_2 = np.transpose([squares(*compare(shared, name)) for name in CRAFT])
     ratio = math.sqrt(said_2.sum() / true_2.sum())

@@ -64,7 +64,9 @@ def repeat(light, detector, true_m, apart_m, draws):
         return np.where((errors < 5.5) & (errors > -np.minimum(5.5, 0.5 * apart_m)), errors, np.nan)
 
 
-@pytest.mark.parametrize("kind", DETECTORS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind == "sunlit" else ()) for kind in DETECTORS]
+)
 def test_pixels_report_as_often_and_as_precisely_as_predicted(kind):
     """By kind of light, with the errors of binomial numbers and of a variance of normal draws."""
     detector, unit, sunlight, systematic = DETECTORS[kind]

@@ -55,6 +55,7 @@ def one_more(child):
     return int(child.stdout.readline())
 
 
+@pytest.mark.slow
 @posix
 def test_the_life_of_a_recording(start, tmp_path):
     output, temporary = tmp_path / "run.h5", tmp_path / "run.h5.tmp-1a2b3c4d"

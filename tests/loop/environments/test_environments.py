@@ -227,6 +227,7 @@ def test_drawn_beginnings_are_within_what_the_page_says(passage, thrusters):
         assert np.all(np.abs(np.array(state) - [0, -120, 0, 0, 0, 0]) <= [5, 20, 5, 0.03, 0.15, 0.03])
 
 
+@pytest.mark.slow
 def test_vector_environments_name_their_autoreset_mode():
     envs = gymnasium.make_vec(NAMES[0], num_envs=2, vectorization_mode="sync")
     observations, _ = envs.reset(seed=[7, 8])
@@ -253,6 +254,7 @@ def test_observations_can_be_flattened_and_scaled():
     assert observation.shape == (3 * 32 * 32 + 3,) and observation.min() >= 0.0 and observation.max() == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="resident memory is read from /proc")
 def test_memory_does_not_grow(passage):
     """A leak of one frame in a step would be 5 MiB, one of a simulation in an episode as much."""

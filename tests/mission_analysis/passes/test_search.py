@@ -318,6 +318,7 @@ def test_notes_say_what_was_asked_and_what_element_sets_cannot_tell(asked):
     assert "corridor[1]: not applicable: it turns with port" in notes
 
 
+@pytest.mark.slow
 def test_the_scenario_carries_facts_and_constraints(asked):
     number, row = next((k, row) for k, row in enumerate(asked.rows, start=1) if row.breaks)
     text = scenario_text(asked, number)

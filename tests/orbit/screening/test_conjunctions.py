@@ -104,7 +104,15 @@ def held_against_the_grid(found, objects, time_s, ranges, within_m):
     return int(dips.sum())
 
 
-@pytest.mark.parametrize(("follower", "within_m"), [(LEO, 150e3), (GEO, 300e3), (GTO, 600e3), (LEO, 3e3)])
+@pytest.mark.parametrize(
+    ("follower", "within_m"),
+    [
+        (LEO, 150e3),
+        pytest.param(GEO, 300e3, marks=pytest.mark.slow),
+        pytest.param(GTO, 600e3, marks=pytest.mark.slow),
+        (LEO, 3e3),
+    ],
+)
 def test_nothing_is_missed_that_a_fine_grid_finds(follower, within_m):
     objects, duration_s = fleet(), 8 * 3600.0 + 7.0
     found = screen(follower, objects, START, duration_s, within_m)

@@ -75,22 +75,27 @@ def test_the_fast_model(described):
     assert not {"trigger", "gate"} & set(lines)
 
 
-@pytest.mark.parametrize(
-    ("setting", "line", "words"),
-    [
-        ('lidar.receiver.psf={type="airy"}', "lens", "PSF airy"),
-        ('lidar.receiver.distortion={type="brown_conrady", k1=-1.0}', "lens", "distortion brown_conrady"),
-        ("lidar.receiver.filter_width_nm=5", "lens", "filter 5 nm"),
-        ("lidar.laser.offset_m=[0.3, 0.4, 0]", "beam", "0.5 m from the lens"),
-        ("lidar.laser.energy_jitter_fraction=0.05", "beam", "jitter 0.05"),
-        ('lidar.laser.pulse_shape="super_gaussian"', "beam", "super_gaussian"),
-        ("lidar.schedule={time_s=[0, 2], energy_mj=[50, 5]}", "schedule", "energy_mj 50 -> 5; linear"),
-        ("lidar.detector.crosstalk={}", "with", "crosstalk"),
-        ('lidar.detector.returns="last"', "with", "returns: last"),
-    ],
-)
-def test_what_there_is_besides_has_a_line(described, setting, line, words):
-    assert words in described(setting)[line]
+LENS = [
+    ('lidar.receiver.psf={type="airy"}', "lens", "PSF airy"),
+    ('lidar.receiver.distortion={type="brown_conrady", k1=-1.0}', "lens", "distortion brown_conrady"),
+    ("lidar.receiver.filter_width_nm=5", "lens", "filter 5 nm"),
+]
+BEAM = [
+    ("lidar.laser.offset_m=[0.3, 0.4, 0]", "beam", "0.5 m from the lens"),
+    ("lidar.laser.energy_jitter_fraction=0.05", "beam", "jitter 0.05"),
+    ('lidar.laser.pulse_shape="super_gaussian"', "beam", "super_gaussian"),
+    ("lidar.schedule={time_s=[0, 2], energy_mj=[50, 5]}", "schedule", "energy_mj 50 -> 5; linear"),
+]
+DETECTOR = [
+    ("lidar.detector.crosstalk={}", "with", "crosstalk"),
+    ('lidar.detector.returns="last"', "with", "returns: last"),
+]
+
+
+@pytest.mark.parametrize("besides", [LENS, BEAM, DETECTOR], ids=["lens", "beam", "detector"])
+def test_what_there_is_besides_has_a_line(described, besides):
+    lines = described(*(setting for setting, _, _ in besides))
+    assert not [(line, words) for _, line, words in besides if words not in lines[line]]
 
 
 class TestBudget:
