@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion import Body, Chief, find_flight, find_plan
+from rso_lidar.motion import Body, Chief, find_flight, find_plan, get_flown_motion
 from rso_lidar.orbit import Epochs, Forces
 from rso_lidar.rpo import (
     NavigationErrors,
