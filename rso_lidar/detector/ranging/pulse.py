@@ -85,19 +85,39 @@ class Pulse:
         power_per_s : (tap) power over energy of the optical pulse [1/s], area 1; the middle tap is time zero.
         pole_s : τ of both poles [s]; 0 for an amplifier of unlimited bandwidth.
         integration_s : the time in which a current counts as charge [s].
+
+        Returns
+        -------
+        Pulse
+            Tabulated in steps of the taps or finer.
         """
         return _tabulate_pulse(float(step_s), np.array(power_per_s, dtype=float), float(pole_s), float(integration_s))
 
     def amplitude(self, time_s: np.ndarray) -> np.ndarray:
-        """Return s(t) at times after the nominal delay [s], in the amplifier's unit per unit of charge."""
+        """Return s(t), in the amplifier's unit per unit of charge.
+
+        Parameters
+        ----------
+        time_s : times after the nominal delay [s], of any shape
+        """
         return self._read(self.table, time_s)
 
     def slope(self, time_s: np.ndarray) -> np.ndarray:
-        """Return ds/dt [1/s] at times after the nominal delay [s]."""
+        """Return ds/dt [1/s].
+
+        Parameters
+        ----------
+        time_s : times after the nominal delay [s], of any shape
+        """
         return self._read(self.slope_table, time_s)
 
     def rise_s(self, fraction: float) -> float:
-        """Return when the pulse first passes `fraction` of its peak [s after the nominal delay]."""
+        """Return when the pulse first passes a fraction of its peak [s after the nominal delay].
+
+        Parameters
+        ----------
+        fraction : of the peak, 0 to 1
+        """
         level = fraction * self.peak
         k = max(int(np.argmax(self.table >= level)), 1)
         before, after = float(self.table[k - 1]), float(self.table[k])
