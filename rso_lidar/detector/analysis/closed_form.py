@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 
@@ -87,12 +87,12 @@ def predict_gsfl(
         )
     probability, precision_m, snr = (np.zeros(photons.shape) for _ in range(3))
     number = _depth_number(depth_s / pulse.fwhm_s)
-    responses = _build_responses(gsfl, pulse._replace(timing_jitter_ns=0.0))
+    steady = pulse._replace(timing_jitter_ns=0.0)
     for k in np.unique([np.floor(number), np.ceil(number)]):
         of = np.abs(number - k) < 1.0
         weight = 1.0 - np.abs(number[of] - k)
         stretch_s = pulse.fwhm_s * _depth_of(k)
-        seen = responses(stretch_s)
+        seen = _compute_response(gsfl, steady, stretch_s)
         probability[of] += weight * seen.probability(photons[of])
         if not only_probability:
             widest_m = (stretch_s + pulse.fwhm_s) / math.sqrt(12.0) * units.RANGE_PER_DELAY_M_S
@@ -191,13 +191,6 @@ class _Response:
         return found
 
 
-@lru_cache(maxsize=64)
-def _build_responses(gsfl: Gsfl, pulse: LaserPulse) -> Callable[[float], _Response]:
-    """Return the responses of an amplifier to a pulse by the time [s] over which a surface stretches it, kept."""
-    assumed = _assume_pulse(gsfl, pulse)
-    return lru_cache(maxsize=256)(partial(_compute_response, gsfl, pulse, assumed))
-
-
 @dataclass(frozen=True, eq=False)
 class _AssumedPulse:
     """The pulse behind the amplifier as the matched filter assumes it, and a gate's threshold [electrons] on its height."""
@@ -207,7 +200,9 @@ class _AssumedPulse:
     gate_electrons: float
 
 
+@lru_cache(maxsize=64)
 def _assume_pulse(gsfl: Gsfl, pulse: LaserPulse) -> _AssumedPulse:
+    """Tabulate what a detector takes each return for, kept for its stretches."""
     readout, amplifier = gsfl.readout, gsfl.amplifier
     shape = Pulse.after(pulse.step_s, pulse.power_per_s, amplifier.pole_s, amplifier.integration_s)
     matched = Matched.of(shape, readout.sample_s, amplifier.pole_s, gsfl.noise_counts)
@@ -218,16 +213,17 @@ def _assume_pulse(gsfl: Gsfl, pulse: LaserPulse) -> _AssumedPulse:
     return _AssumedPulse(shape, matched, gate_electrons)
 
 
-def _compute_response(gsfl: Gsfl, pulse: LaserPulse, assumed: _AssumedPulse, stretch_s: float) -> _Response:
+@lru_cache(maxsize=1024)
+def _compute_response(gsfl: Gsfl, pulse: LaserPulse, stretch_s: float) -> _Response:
     """Return the response of the amplifier to a pulse that a surface stretches evenly.
 
     Parameters
     ----------
-    gsfl, pulse, assumed : the detector, the laser's pulse, and what the detector takes it for.
+    gsfl, pulse : the detector, and the laser's pulse.
     stretch_s : time over which the surface stretches it [s].
     """
     pole_s, width_s = gsfl.amplifier.pole_s, gsfl.amplifier.integration_s
-    step_s, taps = pulse.step_s, pulse.power_per_s
+    step_s, taps, assumed = pulse.step_s, pulse.power_per_s, _assume_pulse(gsfl, pulse)
     energy = np.cumsum(taps) * step_s
     tap_s = (np.arange(len(taps)) - len(taps) // 2) * step_s
     from_s, to_s = np.interp([1e-6, 1.0 - 1e-6], energy, tap_s) + np.array([-0.5, 0.5]) * stretch_s

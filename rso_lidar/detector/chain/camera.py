@@ -76,7 +76,7 @@ def build_camera(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
     return replace(_build(at_rest, pulse, n_pixels), gate=gsfl.gate)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=8)  # a camera of 512 x 512 pixels has 15 MB of maps
 def _build(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
     """Build a camera, kept: the only place where frames share what their settings determine.
 
