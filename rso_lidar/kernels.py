@@ -138,7 +138,7 @@ def watch_compiling(tell: Callable[[int, int], None]) -> Iterator[None]:
     """
     from numba.core import event
 
-    ours, compiled = {compilable.function for compilable in Kernel.all}, set()
+    ours, compiled = {kernel.function for kernel in Kernel.all}, set()
 
     class Compiled(event.Listener):
         def on_start(self, event: Any) -> None:
@@ -198,8 +198,8 @@ class _Store:
         self._forget()
 
     def _forget(self) -> None:
-        for compilable in Kernel.all:
-            compilable.forget()
+        for kernel in Kernel.all:
+            kernel.forget()
 
     def _warn(self, error: Exception) -> None:
         warn(
@@ -245,21 +245,20 @@ def _config() -> Any:
     return numba.config
 
 
-def _folder_of(compilable: Kernel) -> Path | None:
+def _folder_of(kernel: Kernel) -> Path | None:
     """Return where machine code of a kernel is kept: one folder for each state of what it takes from elsewhere."""
     root: Path | None = _store.root if _store.is_used else None
     return (
         root
-        and root
-        / f"{compilable.function.__module__.rpartition('.')[2]}.{compilable.function.__name__}-{_state_of(compilable)}"
+        and root / f"{kernel.function.__module__.rpartition('.')[2]}.{kernel.function.__name__}-{_state_of(kernel)}"
     )
 
 
 @cache
-def _state_of(compilable: Kernel) -> str:
+def _state_of(kernel: Kernel) -> str:
     """Return a digest of a kernel, of the kernels that it calls and of the constants that it reads."""
     digest = hashlib.sha256()
-    for piece in _state_pieces(compilable, {compilable}):
+    for piece in _state_pieces(kernel, {kernel}):
         digest.update(repr(piece).encode())
     return digest.hexdigest()[:16]
 

@@ -187,8 +187,11 @@ class Scorecard:
             return ()
         return tuple(
             Confusions(
-                confusion.quantity, confusion.unit, confusion.edges, sum(task.confusions[k].counts for task in tasks)
-            )  # type: ignore[arg-type]
+                confusion.quantity,
+                confusion.unit,
+                confusion.edges,
+                sum(task.confusions[k].counts for task in tasks),  # type: ignore[arg-type]
+            )
             for k, confusion in enumerate(tasks[0].confusions)
         )
 

@@ -32,9 +32,9 @@ def _list_bounds(low: Bound, high: Bound) -> tuple[np.ndarray, np.ndarray]:
     lows, highs = np.atleast_1d(np.array(low, float)), np.atleast_1d(np.array(high, float))
     if len(lows) != len(highs):
         raise ValueError(f"low has {len(lows)} components and high {len(highs)}; give one bound of each for each")
-    for lower, other in zip(lows.tolist(), highs.tolist(), strict=True):
-        if lower >= other:
-            raise ValueError(f"low ({lower:g}) is not below high ({other:g}); exchange the two")
+    for lower, upper in zip(lows.tolist(), highs.tolist(), strict=True):
+        if lower >= upper:
+            raise ValueError(f"low ({lower:g}) is not below high ({upper:g}); exchange the two")
     return lows, highs
 
 

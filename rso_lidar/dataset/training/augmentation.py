@@ -96,8 +96,8 @@ class RedrawNoise:
         at, light = lit[again], light[again]
         seen = light + other * np.sqrt(self.noise_photons**2 + self.excess * light)
         range_m.reshape(-1)[at] = true_m[again] + spread_m[again] * normal
-        scaled = _count_by_light(photons[mine], counts, np.maximum(seen, 0.0))
-        intensity.reshape(-1)[at] = np.clip(np.rint(scaled), 1, 65_535)
+        new_counts = _count_by_light(photons[mine], counts, np.maximum(seen, 0.0))
+        intensity.reshape(-1)[at] = np.clip(np.rint(new_counts), 1, 65_535)
         saturated.reshape(-1)[at] = light >= full
         return frame | now | {"range_m": range_m, "intensity_counts": intensity, "saturated": saturated}
 
@@ -119,13 +119,13 @@ def _count_by_light(photons: np.ndarray, counts: np.ndarray, wanted: np.ndarray)
     size = np.diff(np.append(edges, len(order)))
     level = np.add.reduceat(photons[order].astype(float), edges) / size
     mean = np.add.reduceat(counts[order].astype(float), edges) / size
-    scaled = np.interp(wanted, level, mean)
+    new_counts = np.interp(wanted, level, mean)
     dim, bright = wanted < level[0], wanted > level[-1]
-    scaled[dim] = mean[0] * wanted[dim] / level[0]
-    scaled[bright] = mean[-1] * wanted[bright] / level[-1]
+    new_counts[dim] = mean[0] * wanted[dim] / level[0]
+    new_counts[bright] = mean[-1] * wanted[bright] / level[-1]
     if len(photons) > _BIN:
-        scaled = np.minimum(scaled, max(float(counts.max()), 1.0))
-    return np.asarray(scaled)
+        new_counts = np.minimum(new_counts, max(float(counts.max()), 1.0))
+    return np.asarray(new_counts)
 
 
 @dataclass(frozen=True)

@@ -88,9 +88,8 @@ class FrameDataset:
         self.transforms = _list_changes(transforms, "transforms")
         changes = (*self.augmentations, *self.transforms)
         produced = {name for change in changes for name in getattr(change, "makes", ())}
-        self._adds_any = not all(
-            hasattr(change, "needs") for change in changes
-        )  # plain functions do not state what they add
+        # Plain functions do not state what they add.
+        self._adds_any = not all(hasattr(change, "needs") for change in changes)
         needed = [name for change in changes for name in getattr(change, "needs", ())]
         self._read = tuple(dict.fromkeys(name for name in (*self.fields, *needed) if name not in produced))
         self._given = tuple(dict.fromkeys((*self.fields, *sorted(produced))))

@@ -126,8 +126,8 @@ def find_returns(range_m: np.ndarray, depth_m: float) -> tuple[np.ndarray, np.nd
     row, column and range [m] of each return.
     """
     row, col = np.nonzero(np.isfinite(range_m))
-    near_m = range_m[row, col]
-    if len(near_m):
-        near = np.abs(near_m - np.median(near_m)) <= depth_m
-        row, col, near_m = row[near], col[near], near_m[near]
-    return row, col, near_m
+    returns_m = range_m[row, col]
+    if len(returns_m):
+        near = np.abs(returns_m - np.median(returns_m)) <= depth_m
+        row, col, returns_m = row[near], col[near], returns_m[near]
+    return row, col, returns_m

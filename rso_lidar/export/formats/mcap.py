@@ -73,10 +73,8 @@ class RosStream:
         self._sight, self.camera = first.line_of_sight, fit_camera(first.line_of_sight)
         self._sensors = list_topics(first)
         self._mounts = make_mounts(self._sensors, first.source)
-        self.kinds = TOPICS | {sensor_topic.topic: sensor_topic.kind for sensor_topic in self._sensors}
-        self.definitions = DEFINITIONS | {
-            sensor_topic.kind: sensor_topic.definition for sensor_topic in self._sensors if sensor_topic.definition
-        }
+        self.kinds = TOPICS | {topic.topic: topic.kind for topic in self._sensors}
+        self.definitions = DEFINITIONS | {topic.kind: topic.definition for topic in self._sensors if topic.definition}
 
     def convert_frame(self, frame: Frame) -> Iterator[tuple[str, dict[str, Any], int]]:
         """Yield topic, message and time of each message of a frame, without the samples of other sensors."""
@@ -88,11 +86,11 @@ class RosStream:
 
     def convert_samples(self, samples: Mapping[str, SensorSamples]) -> Iterator[tuple[str, dict[str, Any], int]]:
         """Yield topic, message and time of each sample, in the order in which they become available."""
-        for available_s, time_s, sensor_topic, body in list_samples(self._sensors, samples):
+        for available_s, time_s, topic, body in list_samples(self._sensors, samples):
             stamp = to_ros_time(self.to_stamp_ns(time_s))
             yield (
-                sensor_topic.topic,
-                {"header": {"stamp": stamp, "frame_id": sensor_topic.axes}} | body,
+                topic.topic,
+                {"header": {"stamp": stamp, "frame_id": topic.axes}} | body,
                 self.to_stamp_ns(available_s),
             )
 

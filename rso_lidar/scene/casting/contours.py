@@ -124,7 +124,7 @@ def project_edges(
         depth = max(depth, _LEAST_DEPTH_M)
         right[i] = (matrix[0, 0] * px + matrix[0, 1] * py + matrix[0, 2] * pz + translation[0]) / depth
         down[i] = (matrix[1, 0] * px + matrix[1, 1] * py + matrix[1, 2] * pz + translation[1]) / depth
-    projected, steps, count = np.empty((len(ends), 4)), np.empty(len(ends)), 0
+    lines, steps, count = np.empty((len(ends), 4)), np.empty(len(ends)), 0
     for e in range(len(ends)):
         a, b = ends[e, 0], ends[e, 1]
         if not (is_ahead[a] and is_ahead[b]):
@@ -140,15 +140,10 @@ def project_edges(
                 continue
             step = max(step, other)
         if step > 0.0:
-            projected[count, 0], projected[count, 1], projected[count, 2], projected[count, 3] = (
-                right[a],
-                down[a],
-                right[b],
-                down[b],
-            )
+            lines[count, 0], lines[count, 1], lines[count, 2], lines[count, 3] = right[a], down[a], right[b], down[b]
             steps[count] = step
             count += 1
-    return projected[:count].copy(), steps[:count].copy()
+    return lines[:count].copy(), steps[:count].copy()
 
 
 def _find_edges(surface: Surface) -> FacetEdges:
