@@ -260,5 +260,10 @@ def _is_one_slip(word: str, meant: str) -> bool:
     start = 0
     while start < min(len(word), len(meant)) and word[start] == meant[start]:
         start += 1
-    one, two = word[start:], meant[start:]
-    return one[1:] == two or one == two[1:] or one[1:] == two[1:] or (one[:2] == two[1::-1] and one[2:] == two[2:])
+    word_rest, meant_rest = word[start:], meant[start:]
+    return (
+        word_rest[1:] == meant_rest
+        or word_rest == meant_rest[1:]
+        or word_rest[1:] == meant_rest[1:]
+        or (word_rest[:2] == meant_rest[1::-1] and word_rest[2:] == meant_rest[2:])
+    )

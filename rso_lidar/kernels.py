@@ -138,7 +138,7 @@ def watch_compiling(tell: Callable[[int, int], None]) -> Iterator[None]:
     """
     from numba.core import event
 
-    ours, compiled = {one.function for one in Kernel.all}, set()
+    ours, compiled = {kernel.function for kernel in Kernel.all}, set()
 
     class Compiled(event.Listener):
         def on_start(self, event: Any) -> None:
@@ -198,8 +198,8 @@ class _Store:
         self._forget()
 
     def _forget(self) -> None:
-        for one in Kernel.all:
-            one.forget()
+        for kernel in Kernel.all:
+            kernel.forget()
 
     def _warn(self, error: Exception) -> None:
         warn(
@@ -245,17 +245,20 @@ def _config() -> Any:
     return numba.config
 
 
-def _folder_of(one: Kernel) -> Path | None:
+def _folder_of(kernel: Kernel) -> Path | None:
     """Return where machine code of a kernel is kept: one folder for each state of what it takes from elsewhere."""
     root: Path | None = _store.root if _store.is_used else None
-    return root and root / f"{one.function.__module__.rpartition('.')[2]}.{one.function.__name__}-{_state_of(one)}"
+    return (
+        root
+        and root / f"{kernel.function.__module__.rpartition('.')[2]}.{kernel.function.__name__}-{_state_of(kernel)}"
+    )
 
 
 @cache
-def _state_of(one: Kernel) -> str:
+def _state_of(kernel: Kernel) -> str:
     """Return a digest of a kernel, of the kernels that it calls and of the constants that it reads."""
     digest = hashlib.sha256()
-    for piece in _state_pieces(one, {one}):
+    for piece in _state_pieces(kernel, {kernel}):
         digest.update(repr(piece).encode())
     return digest.hexdigest()[:16]
 
@@ -269,17 +272,17 @@ def _state_pieces(kernel: Kernel, known: set[Kernel]) -> Iterator[object]:
         names += code.co_names
     for name in names:
         value = function.__globals__.get(name)
-        found = [value]
+        values = [value]
         if isinstance(value, ModuleType) and value.__name__.startswith("rso_lidar"):
-            found = [getattr(value, attribute, None) for attribute in names]
-        for one in found:
-            if isinstance(one, Kernel) and one not in known:
-                known.add(one)
-                yield from _state_pieces(one, known)
-            elif isinstance(one, np.ndarray):
-                yield name, one.dtype, one.shape, one.tobytes()
-            elif isinstance(one, (bool, int, float, complex, str, tuple, np.generic)):
-                yield name, one
+            values = [getattr(value, attribute, None) for attribute in names]
+        for item in values:
+            if isinstance(item, Kernel) and item not in known:
+                known.add(item)
+                yield from _state_pieces(item, known)
+            elif isinstance(item, np.ndarray):
+                yield name, item.dtype, item.shape, item.tobytes()
+            elif isinstance(item, (bool, int, float, complex, str, tuple, np.generic)):
+                yield name, item
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

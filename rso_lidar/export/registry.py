@@ -52,8 +52,8 @@ _TABLE = "all images, labels and settings: a table of the truth, or of the sampl
 _POSES = "all images, labels and settings: only where things were is kept"
 
 FORMATS = {
-    made.name: made
-    for made in (
+    file_format.name: file_format
+    for file_format in (
         Format("hdf5", (".h5", ".hdf5"), "writer.hdf5:write_hdf5", False, "nothing"),
         Format("netcdf", (".nc",), "writer.hdf5:write_hdf5", False, "nothing"),  # HDF5 recordings are netCDF-4 with CF
         Format("zarr", (".zarr",), "writer.zarr_store:write_zarr", True, "nothing", "zarr"),
@@ -91,7 +91,7 @@ FORMATS = {
         Format("czml", (".czml",), "", False, "all but where bodies are and how they are turned"),
     )
 }
-FORMAT_SUFFIXES = {suffix: made for made in FORMATS.values() for suffix in made.suffixes}
+FORMAT_SUFFIXES = {suffix: file_format for file_format in FORMATS.values() for suffix in file_format.suffixes}
 _INSTEAD = {".mat": "MATLAB reads .h5 with h5read (docs/exports.md)", ".las": "use .pcd, which keeps rows and columns"}
 
 
@@ -146,12 +146,13 @@ def writer_for(word: str | os.PathLike[str]) -> Writer:
     RecordingError
         If no format matches, or the format is written by `rso_lidar.save` only.
     """
-    found = format_for(word)
-    if not found.writer:
+    file_format = format_for(word)
+    if not file_format.writer:
         raise RecordingError(
-            f"{os.fspath(word)}: {found.name} needs time scales and the Earth; use rso_lidar.save or `rso-lidar export`"
+            f"{os.fspath(word)}: {file_format.name} needs time scales and the Earth; "
+            "use rso_lidar.save or `rso-lidar export`"
         )
-    module, function = found.writer.split(":")
+    module, function = file_format.writer.split(":")
     writer: Writer = getattr(import_module(f"rso_lidar.export.{module}"), function)
     return writer
 

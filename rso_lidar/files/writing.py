@@ -137,26 +137,26 @@ def make_write_error(place: Path, error: OSError) -> RunError:
     return RunError(f"{place}: could not be written: {why}; {advise_on_write(error.errno)} and run again")
 
 
-def is_same(path: Path, made: os.stat_result) -> bool:
+def is_same(path: Path, status: os.stat_result) -> bool:
     """Return whether a path still leads to the same file or folder; links are not followed.
 
     Parameters
     ----------
     path : of the file or folder
-    made : its earlier status
+    status : its earlier status
     """
     with suppress(OSError):
-        return os.path.samestat(path.lstat(), made)
+        return os.path.samestat(path.lstat(), status)
     return False
 
 
-def check_draft(draft: Path, made: os.stat_result, place: Path) -> None:
+def check_draft(draft: Path, status: os.stat_result, place: Path) -> None:
     """Check that a temporary file or folder is still the one that this process made, and is not empty.
 
     Parameters
     ----------
     draft : path of the temporary file or folder
-    made : its status when it was made
+    status : its status when it was made
     place : the output, for the message
 
     Raises
@@ -166,7 +166,7 @@ def check_draft(draft: Path, made: os.stat_result, place: Path) -> None:
     """
     if not draft.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
-    if not is_same(draft, made):
+    if not is_same(draft, status):
         what = "replaced" if os.path.lexists(draft) else "removed or renamed"
     elif draft.is_dir() or draft.stat().st_size:
         return

@@ -217,9 +217,9 @@ def python_objects(part: BaseModel) -> list[object]:
     ----------
     part : the part
     """
-    found = _Objects()
-    part.model_dump(context=found)
-    return list(found)
+    objects = _Objects()
+    part.model_dump(context=objects)
+    return list(objects)
 
 
 def dump_part(value: object) -> dict[str, Any]:

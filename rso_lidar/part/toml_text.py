@@ -46,15 +46,15 @@ def parse_toml(text: str, where: str, error: type[RsoLidarError]) -> dict[str, A
         raise error(
             f"{where}: has over {MOST_TOML_BYTES // 2**20} million characters; move large tables to files of their own"
         )
-    bare = _QUOTED.sub(lambda found: "" if found[1] else "q", text)
-    steps = [found[0].count(".") + 1 for found in _DOTTED.finditer(bare)]
+    bare = _QUOTED.sub(lambda match: "" if match[1] else "q", text)
+    steps = [match[0].count(".") + 1 for match in _DOTTED.finditer(bare)]
     if (
         bare.count("=") + sum(count for count in steps if count > 2) > MOST_KEYS
     ):  # a number such as 1.5 looks like a key of two parts
         raise error(f"{where}: has over {MOST_KEYS:,} keys; move large tables to files of their own")
     deepest, depth = max(steps, default=0), 0
-    for found in _BRACKET.finditer(bare):
-        depth = depth + 1 if found[0] in "[{" else max(depth - 1, 0)
+    for bracket in _BRACKET.finditer(bare):
+        depth = depth + 1 if bracket[0] in "[{" else max(depth - 1, 0)
         deepest = max(deepest, depth)
     if deepest > DEEPEST_TOML:
         raise error(f"{where}: nested more than {DEEPEST_TOML} levels deep; no key needs that, so flatten it")

@@ -14,19 +14,19 @@ from rso_lidar.part.validation_messages import show_value
 _ROUNDING = 1e-9  # by which a number may be outside of its limits
 
 
-def make_answer_error(owner: object, method: str, found: object, cure: str, *, member: str = "") -> ScenarioError:
+def make_answer_error(owner: object, method: str, answer: object, cure: str, *, member: str = "") -> ScenarioError:
     """Return the error for an object whose method returned something else than it should.
 
     Parameters
     ----------
     owner : the object
     method : name of its method
-    found : what the method returned
+    answer : what the method returned
     cure : what to do
     member : which member of the result is wrong; empty where it has none
     """
     where = f" in {member}" if member else ""
-    return ScenarioError(f"{name_object(owner)}: {method}() returned {show_value(found)}{where}; {cure}")
+    return ScenarioError(f"{name_object(owner)}: {method}() returned {show_value(answer)}{where}; {cure}")
 
 
 def read_member(owner: object, name: str, default: Any, kind: type | tuple[type, ...], cure: str) -> Any:
@@ -89,45 +89,45 @@ def lock_array(values: np.ndarray) -> np.ndarray:
     return view
 
 
-def check_lines(owner: object, method: str, found: object) -> list[str]:
+def check_lines(owner: object, method: str, answer: object) -> list[str]:
     """Return lines of text that a method returned, or raise an error for anything else.
 
     Parameters
     ----------
     owner, method : the object and the name of its method
-    found : what the method returned
+    answer : what the method returned
 
     Raises
     ------
     ScenarioError : if that is not a list of texts.
     """
-    if isinstance(found, ListLike) and not isinstance(found, str) and all(isinstance(line, str) for line in found):
-        return [" ".join(line.split("\n")) for line in found]
-    raise make_answer_error(owner, method, found, "return a list of texts, one for each line")
+    if isinstance(answer, ListLike) and not isinstance(answer, str) and all(isinstance(line, str) for line in answer):
+        return [" ".join(line.split("\n")) for line in answer]
+    raise make_answer_error(owner, method, answer, "return a list of texts, one for each line")
 
 
-def check_text(owner: object, method: str, found: object) -> str:
+def check_text(owner: object, method: str, answer: object) -> str:
     """Return a text that a method returned, or raise an error if it is not a text.
 
     Parameters
     ----------
     owner : the object
     method : name of its method
-    found : what the method returned
+    answer : what the method returned
 
     Raises
     ------
     ScenarioError : if that is not a text.
     """
-    if isinstance(found, str):
-        return " ".join(found.split("\n"))
-    raise make_answer_error(owner, method, found, "return a text")
+    if isinstance(answer, str):
+        return " ".join(answer.split("\n"))
+    raise make_answer_error(owner, method, answer, "return a text")
 
 
 def check_values(
     owner: object,
     method: str,
-    found: object,
+    answer: object,
     *,
     shape: tuple[int, ...] = (),
     least: float = -np.inf,
@@ -139,7 +139,7 @@ def check_values(
     Parameters
     ----------
     owner, method : the object and the name of its method
-    found : what the method returned; one number represents as many as there are
+    answer : what the method returned; one number represents as many as there are
     shape : of the array
     least, most : limits; NaN is outside of them
     member : which member of the result the numbers are; empty where they are the whole result
@@ -153,9 +153,9 @@ def check_values(
     ScenarioError : if they are not real numbers, or have another shape, or are beyond a limit.
     """
     cure = f"return numbers of shape {shape}" if shape else "return a number"
-    values = to_real_array(found)
+    values = to_real_array(answer)
     if values is None:
-        raise make_answer_error(owner, method, found, cure, member=member)
+        raise make_answer_error(owner, method, answer, cure, member=member)
     if values.shape not in ((), shape):
         where = f" in {member}" if member else ""
         raise ScenarioError(
@@ -169,15 +169,15 @@ def check_values(
     return np.broadcast_to(values, shape)
 
 
-def to_real_array(found: object) -> np.ndarray | None:
+def to_real_array(answer: object) -> np.ndarray | None:
     """Return real numbers as an array of float64; None for anything else.
 
     Parameters
     ----------
-    found : what a user's object returned
+    answer : what a user's object returned
     """
     try:
-        values = np.asarray(found)
+        values = np.asarray(answer)
     except (TypeError, ValueError):
         return None
     return values.astype(np.float64, copy=False) if values.dtype.kind in "fiub" else None

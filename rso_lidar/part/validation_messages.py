@@ -107,8 +107,8 @@ def _place(
 
 def _find_by_type(annotation: Any, tag: str) -> type[BaseModel] | None:
     """Return the part class with this `type` among those that an annotation allows."""
-    found = (cls for cls in part_classes(annotation) if "type" in cls.model_fields)
-    return next((cls for cls in found if cls.model_fields["type"].default == tag), None)
+    classes = (cls for cls in part_classes(annotation) if "type" in cls.model_fields)
+    return next((cls for cls in classes if cls.model_fields["type"].default == tag), None)
 
 
 def _tag(raw: Any) -> str | None:
@@ -152,7 +152,7 @@ def _what(problem: Any, owner: type[BaseModel] | None, others: Iterable[type[Bas
     if kind == "extra_forbidden":
         key = str(problem["loc"][-1])
         known = list(owner.model_fields) if owner else []
-        types = [one.model_fields["type"].default for one in others if {key, "type"} <= set(one.model_fields)]
+        types = [cls.model_fields["type"].default for cls in others if {key, "type"} <= set(cls.model_fields)]
         if 0 < len(types) <= _MOST_TYPES:
             return f"unknown key '{key}'; it is a key of type = " + " or ".join(f'"{name}"' for name in types)
         guess = did_you_mean(key, known) or (f"{_KNOWN_KEYS}{', '.join(known)}" if known else "")

@@ -230,14 +230,14 @@ class Photons(Record):
 
     def _select_epoch(self, pulse_epoch: np.ndarray, number: int) -> Photons:
         """Return the light of a pulse at one epoch of the exposure."""
-        one: dict[str, Any] = dict.fromkeys(("epoch", "pulse_epoch", "pulse_energy_fraction", "pulse_late_s"))
+        no_epochs: dict[str, Any] = dict.fromkeys(("epoch", "pulse_epoch", "pulse_energy_fraction", "pulse_late_s"))
         if self.epoch is None:
-            return self if self.pulse_late_s is None else replace(self, **one)
+            return self if self.pulse_late_s is None else replace(self, **no_epochs)
         of = self.epoch == number
         returns = [name for name, spec in specs(Photons).items() if spec.dims == ("return",) and name != "epoch"]
         chosen = {name: getattr(self, name)[of] for name in returns}
         chosen["photons"] = chosen["photons"] * (len(pulse_epoch) / np.count_nonzero(pulse_epoch == number))
-        return replace(self, **one, **chosen)
+        return replace(self, **no_epochs, **chosen)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

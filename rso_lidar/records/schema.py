@@ -56,8 +56,8 @@ def specs(record: type) -> Mapping[str, ArraySpec]:
     record : the class
     """
     if record not in _specs:
-        found = {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
-        _specs[record] = MappingProxyType(found)
+        statements = {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
+        _specs[record] = MappingProxyType(statements)
     return _specs[record]
 
 

@@ -176,10 +176,10 @@ def join_samples(measured: Sequence[Mapping[str, SensorSamples]]) -> dict[str, S
     for some in measured:
         for name, samples in some.items():
             series.setdefault(name, []).append(samples)
-    return {name: one[0] if len(one) == 1 else _concatenate(one) for name, one in series.items()}
+    return {name: pieces[0] if len(pieces) == 1 else _concatenate(pieces) for name, pieces in series.items()}
 
 
 def _concatenate(series: Sequence[SensorSamples]) -> SensorSamples:
     fields = [field for field in specs(type(series[0])) if getattr(series[0], field) is not None]
-    arrays = {field: np.concatenate([getattr(one, field) for one in series]) for field in fields}
+    arrays = {field: np.concatenate([getattr(samples, field) for samples in series]) for field in fields}
     return dataclasses.replace(series[0], **arrays)

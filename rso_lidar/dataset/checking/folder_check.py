@@ -38,11 +38,12 @@ class FolderCheck:
 
     def describe(self) -> str:
         """Return shards, frames, remade frames, balance, warnings and problems as text."""
-        made = self.dataset.records
+        records = self.dataset.records
         of_all = "" if self.n_shards is None else f" of {self.n_shards:,}"
         lines = [
-            f"{self.dataset.constants.title}: {len(made):,}{of_all} shards, "
-            f"{sum(one.frames for one in made):,} frames, {sum(one.size_bytes for one in made) / 1e6:,.1f} MB",
+            f"{self.dataset.constants.title}: {len(records):,}{of_all} shards, "
+            f"{sum(record.frames for record in records):,} frames, "
+            f"{sum(record.size_bytes for record in records) / 1e6:,.1f} MB",
             f"{self.remade:,} frames were made again and compared bit for bit"
             + (": all are the same" if self.remade and not self.problems else ""),
         ]
@@ -178,12 +179,12 @@ def _find_order_leaks(dataset: Dataset) -> tuple[str, ...]:
     """Return a line for each order of the samples that tells their class: their numbers, and their places in each split."""
     splits = [dataset.split(name) for name in dataset.splits]
     columns = [{name: split.column(name) for name in ("sample", "class_id", "step", "draw")} for split in splits]
-    chosen = [(one["step"] == 0) & (one["draw"] == 0) for one in columns]  # one frame of each sample
+    chosen = [(table["step"] == 0) & (table["draw"] == 0) for table in columns]  # one frame of each sample
     sizes = [int(rows.sum()) for rows in chosen]
     if not sum(sizes):
         return ()
-    group = np.concatenate([one["class_id"][rows] for one, rows in zip(columns, chosen, strict=True)])
-    sample = np.concatenate([one["sample"][rows] for one, rows in zip(columns, chosen, strict=True)])
+    group = np.concatenate([table["class_id"][rows] for table, rows in zip(columns, chosen, strict=True)])
+    sample = np.concatenate([table["sample"][rows] for table, rows in zip(columns, chosen, strict=True)])
     orders = {"the number of a sample": sample}
     for number, split in enumerate(splits):
         places = [np.arange(size) if k == number else np.full(size, -1) for k, size in enumerate(sizes)]
@@ -228,10 +229,10 @@ def _compare(split: Split, row: int, frame: LabelledFrame, drawn: list[float], n
     split, row : where the frame is
     """
     stored = split[row]
-    made = {name: getattr(frame, name) for name in specs(LabelledFrame)}
-    made |= {VARIABLE_PREFIX + name: value for name, value in zip(names, drawn, strict=True)}
+    arrays = {name: getattr(frame, name) for name in specs(LabelledFrame)}
+    arrays |= {VARIABLE_PREFIX + name: value for name, value in zip(names, drawn, strict=True)}
     return [
         name
-        for name, value in made.items()
+        for name, value in arrays.items()
         if value is not None and np.asarray(value, stored[name].dtype).tobytes() != np.asarray(stored[name]).tobytes()
     ]

@@ -41,11 +41,11 @@ def find_leaks(columns: Mapping[str, np.ndarray], group: np.ndarray, names: Sequ
             inside, outside = values[known & (group == k)], values[known & (group != k)]
             if min(len(inside), len(outside)) < _LEAST_SAMPLES:
                 continue
-            found = ks_2samp(inside, outside)
-            if found.pvalue * tests < _CHANCE and found.statistic > _LEAST_DIFFERENCE:
+            test = ks_2samp(inside, outside)
+            if test.pvalue * tests < _CHANCE and test.statistic > _LEAST_DIFFERENCE:
                 lines.append(
                     f"{column} tells the class: its distribution in '{name}' differs from that in the others (Kolmogorov-"
-                    f"Smirnov {found.statistic:.2f}, median {np.median(inside):.4g} against {np.median(outside):.4g})"
+                    f"Smirnov {test.statistic:.2f}, median {np.median(inside):.4g} against {np.median(outside):.4g})"
                 )
                 continue
             for end, beyond in (("begins", outside < inside.min()), ("ends", outside > inside.max())):

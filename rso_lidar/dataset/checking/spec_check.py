@@ -64,17 +64,17 @@ class SpecCheck:
             "",
             f"{'samples':20} " + " ".join(f"{name:>8}" for name in SPLITS),
             *(
-                f"{one.name:20} " + " ".join(f"{n:8,}" for n in row)
-                for one, row in zip(spec.classes, counts.tolist(), strict=True)
+                f"{target_class.name:20} " + " ".join(f"{n:8,}" for n in row)
+                for target_class, row in zip(spec.classes, counts.tolist(), strict=True)
             ),
             "",
             f"of {len(self.statistics.columns['draw']):,} frames that were flown for this check:",
             *self.statistics.tabulate(),
         ]
-        found = [f"warning: {line}" for line in self.warnings] or [
+        remarks = [f"warning: {line}" for line in self.warnings] or [
             "no leak was found, and every frame with a target has returns"
         ]
-        return "\n".join([*lines, *found])
+        return "\n".join([*lines, *remarks])
 
 
 def check_spec(spec: DatasetSpec | str | Path, *, trust_code: bool = False, trust_fmu: bool = False) -> SpecCheck:

@@ -52,9 +52,9 @@ def read_frames(data: Dataset, split: str, images: Sequence[str]) -> Iterator[Ex
     for batch in read_batches(frames, [*columns, *images]):
         for place in range(len(batch["sample"])):
             numbers = {column: batch[column][place] for column in columns}
-            found = {image: batch[image][place] for image in images}
+            arrays = {image: batch[image][place] for image in images}
             words = {"split": split, **find_names(data, numbers)}
-            yield ExportedFrame(name_frame(numbers), numbers, words, found)
+            yield ExportedFrame(name_frame(numbers), numbers, words, arrays)
 
 
 def read_batches(frames: Split, names: Sequence[str]) -> Iterator[dict[str, np.ndarray]]:
@@ -127,5 +127,5 @@ def find_names(data: Dataset, numbers: Mapping[str, Any]) -> dict[str, str | Non
 def _to_json(value: Any) -> Any:
     """Replace NaN and infinity, which JSON lacks, by None."""
     if isinstance(value, list):
-        return [_to_json(one) for one in value]
+        return [_to_json(element) for element in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value

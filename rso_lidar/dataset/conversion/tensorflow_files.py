@@ -30,7 +30,7 @@ def write_tensorflow_files(folder: Path, data: Dataset, splits: Sequence[str], i
 
 def _list_features(frame: ExportedFrame) -> dict[str, Any]:
     """Return the features of a frame by name."""
-    features = dict(frame.numbers) | {word: found or "" for word, found in frame.words.items()} | {"name": frame.name}
+    features = dict(frame.numbers) | {word: text or "" for word, text in frame.words.items()} | {"name": frame.name}
     for name, values in frame.images.items():
         little = values.astype(values.dtype.newbyteorder("<"))
         shape = np.array(values.shape)

@@ -27,7 +27,7 @@ def name_model(target: Target) -> str:
     return target.shape if target.terrain is None else target.terrain.type
 
 
-def list_models(spec: DatasetSpec, one: ClassOfTargets, base: Scenario) -> tuple[str, ...]:
+def list_models(spec: DatasetSpec, target_class: ClassOfTargets, base: Scenario) -> tuple[str, ...]:
     """Return the names of the models of a class.
 
     Parameters
@@ -39,26 +39,26 @@ def list_models(spec: DatasetSpec, one: ClassOfTargets, base: Scenario) -> tuple
     DatasetError
         If no shipped model has the taxonomy of the class.
     """
-    if one.empty:
+    if target_class.empty:
         return ()
-    if one.fragments is not None:
-        return name_kinds(one.fragments)
-    if one.taxonomy is not None:
-        wanted = one.taxonomy.model_dump(exclude_none=True)
+    if target_class.fragments is not None:
+        return name_kinds(target_class.fragments)
+    if target_class.taxonomy is not None:
+        wanted = target_class.taxonomy.model_dump(exclude_none=True)
         shipped = {name: entry for name, entry in models().items() if name not in own_models()}
-        found = tuple(
+        matches = tuple(
             name
             for name, entry in sorted(shipped.items())
             if entry.taxonomy is not None
             and all(getattr(entry.taxonomy, key) == value for key, value in wanted.items())
         )
-        if not found:
+        if not matches:
             keys = ", ".join(f"{key} = {value}" for key, value in wanted.items())
             raise DatasetError(
-                f"classes: '{one.name}' has no shipped model with {keys}; give fewer keys, or name models"
+                f"classes: '{target_class.name}' has no shipped model with {keys}; give fewer keys, or name models"
             )
-        return found
-    return one.models or (name_model(_find_own(spec, base)),)
+        return matches
+    return target_class.models or (name_model(_find_own(spec, base)),)
 
 
 def name_kinds(fragments: DrawnFragments | None) -> tuple[str, ...]:
@@ -84,22 +84,22 @@ def find_meshes(spec: DatasetSpec, named: tuple[tuple[str, ...], ...], base: Sce
     MeshError
         If there is no such model or file.
     """
-    found: dict[str, Mesh] = {}
+    meshes: dict[str, Mesh] = {}
     kinds = [*spec.clutter.fragments.kinds] if spec.clutter and spec.clutter.fragments else []
-    for one, names in zip(spec.classes, named, strict=True):
-        if one.fragments is not None:
-            kinds += one.fragments.kinds
-        elif one.replaces_target:
-            found |= {name: find_mesh(name, folder) for name in names}
-        elif not one.empty:
+    for target_class, names in zip(spec.classes, named, strict=True):
+        if target_class.fragments is not None:
+            kinds += target_class.fragments.kinds
+        elif target_class.replaces_target:
+            meshes |= {name: find_mesh(name, folder) for name in names}
+        elif not target_class.empty:
             own = _find_own(spec, base)
-            found[names[0]] = build_whole_surface(own, base.file, base.lidar.laser.wavelength_m).mesh
+            meshes[names[0]] = build_whole_surface(own, base.file, base.lidar.laser.wavelength_m).mesh
     for kind in kinds:
         sample = Fragment(kind=kind, characteristic_length_m=_SAMPLE_LENGTH_M)
-        found[name_fragments(kind)] = build_fragment(sample).mesh
+        meshes[name_fragments(kind)] = build_fragment(sample).mesh
     for name in spec.clutter.models if spec.clutter else ():
-        found[name] = find_mesh(name, folder)
-    return found
+        meshes[name] = find_mesh(name, folder)
+    return meshes
 
 
 def find_mesh(name: str, folder: Path) -> Mesh:
@@ -129,20 +129,20 @@ def hash_named_files(spec: DatasetSpec, tables: dict[str, Any], folder: Path) ->
     DatasetError
         If a file cannot be read.
     """
-    drawn = [[one.law.model_dump() for one in spec.variable], spec.view and spec.view.model_dump()]
+    drawn = [[variable.law.model_dump() for variable in spec.variable], spec.view and spec.view.model_dump()]
     settings = [*spec.set]
-    settings += [one for group in (spec.classes, spec.sensor) for entry in group for one in entry.set]
-    found = {}
+    settings += [setting for group in (spec.classes, spec.sensor) for entry in group for setting in entry.set]
+    hashes = {}
     for text in sorted(
-        {*_list_texts(tables), *_list_texts(drawn), *_list_texts([_read_value(one) for one in settings])}
+        {*_list_texts(tables), *_list_texts(drawn), *_list_texts([_read_value(setting) for setting in settings])}
     ):
         place, colon, _ = text.rpartition(":")
         for name in (text, *([place] if colon else [])):
             path = find(name, folder) if is_mesh_path(name) else None
             if path is not None and path.is_file():
                 check_regular(path, _MOST_BYTES, DatasetError)
-                found[name] = hashlib.sha256(read_bytes(path, _MOST_BYTES, DatasetError)).hexdigest()
-    return found
+                hashes[name] = hashlib.sha256(read_bytes(path, _MOST_BYTES, DatasetError)).hexdigest()
+    return hashes
 
 
 def _read_value(setting: str) -> Any:

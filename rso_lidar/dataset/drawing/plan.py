@@ -87,12 +87,12 @@ class DatasetPlan:
     @cached_property
     def classes(self) -> tuple[str, ...]:
         """Names of the classes with targets."""
-        return tuple(one.name for one in self.spec.classes if not one.empty)
+        return tuple(target_class.name for target_class in self.spec.classes if not target_class.empty)
 
     @cached_property
     def sensors(self) -> tuple[str, ...]:
         """Names of the sensors."""
-        return tuple(one.name for one in self.spec.sensor) or ("sensor",)
+        return tuple(sensor.name for sensor in self.spec.sensor) or ("sensor",)
 
     @cached_property
     def sha256(self) -> str:
@@ -108,8 +108,8 @@ class DatasetPlan:
 
     def build(self, tables: dict[str, Any]) -> Scenario:
         """Build a scenario of the dataset from its tables."""
-        made = Scenario.from_tables(tables, folder=self.folder, where=self.where, trust_code=self.trust_code)
-        return made.with_trusted_fmus() if self.trust_fmu else made
+        scenario = Scenario.from_tables(tables, folder=self.folder, where=self.where, trust_code=self.trust_code)
+        return scenario.with_trusted_fmus() if self.trust_fmu else scenario
 
     @cached_property
     def image_shape(self) -> tuple[int, int]:
@@ -128,15 +128,15 @@ class DatasetPlan:
         """
         target_class, number = self._find_classes(np.arange(self.spec.n_samples))
         split = np.zeros(len(number), np.int8)
-        for k, one in enumerate(self.spec.classes):
+        for k, class_of_targets in enumerate(self.spec.classes):
             mine = np.flatnonzero(target_class == k)
-            split[mine] = self._assign(one, k, number[mine])
+            split[mine] = self._assign(class_of_targets, k, number[mine])
         return Membership(target_class, number, split)
 
     @cached_property
     def _ends(self) -> np.ndarray:
         """Number of samples of each class and of all before it (class)."""
-        return np.cumsum([one.samples for one in self.spec.classes])
+        return np.cumsum([target_class.samples for target_class in self.spec.classes])
 
     def _find_classes(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the class (sample) of samples, and their numbers in it.
@@ -169,7 +169,7 @@ class DatasetPlan:
                 return begin + int((target_class == k).argmax())
         raise DatasetError(f"{self.spec.where}: has no sample of class {k}; choose one of its classes")
 
-    def _assign(self, one: ClassOfTargets, k: int, number: np.ndarray) -> np.ndarray:
+    def _assign(self, target_class: ClassOfTargets, k: int, number: np.ndarray) -> np.ndarray:
         """Return the split (sample) of samples of one class.
 
         Parameters
@@ -179,7 +179,7 @@ class DatasetPlan:
         """
         rule = self.spec.split
         if isinstance(rule, RandomSplit):
-            return assign_splits(self.spec.seed, one.name, number, rule.val, rule.test)
+            return assign_splits(self.spec.seed, target_class.name, number, rule.val, rule.test)
         if isinstance(rule, ModelSplit):
             names = list(self.class_models[k])
             chosen = self.choose_model(k, number)
@@ -282,7 +282,7 @@ def make_plan(
     with add_place(spec.where):
         base = plan.scenario()
         _find_target(spec, tables)
-        named = tuple(list_models(spec, one, base) for one in spec.classes)
+        named = tuple(list_models(spec, target_class, base) for target_class in spec.classes)
         check_model_split(spec, list(named))
         meshes = find_meshes(spec, named, base, folder)
         hashes = {name: meshes[name].sha256 for name in sorted(meshes)}
@@ -295,7 +295,7 @@ def make_plan(
 
 def _find_target(spec: DatasetSpec, tables: dict[str, Any]) -> int:
     """Return the index of the target that classes replace, or raise `DatasetError`."""
-    names = [one.get("name") for one in tables.get("target", [])]
+    names = [target.get("name") for target in tables.get("target", [])]
     if not names:
         raise DatasetError("target: the scenario has no target for the classes to replace; add a [[target]]")
     if spec.target is None:
@@ -309,7 +309,7 @@ def _check_split(plan: DatasetPlan) -> None:
     """Raise `DatasetError` if a class has no sample in a split that should have some."""
     spec, rule = plan.spec, plan.spec.split
     counts = plan.count_samples()
-    for k, one in enumerate(spec.classes):
+    for k, target_class in enumerate(spec.classes):
         if isinstance(rule, ModelSplit):
             held = {*plan.class_models[k]}
             wanted = [True, bool(held & {*rule.val}), bool(held & {*rule.test})]
@@ -318,6 +318,6 @@ def _check_split(plan: DatasetPlan) -> None:
         for split in np.flatnonzero(np.array(wanted) & (counts[k] == 0)).tolist():
             least = f"{sum(wanted)} samples or more" if isinstance(rule, RandomSplit) else "more samples"
             raise DatasetError(
-                f"{spec.where}: split: no sample of class '{one.name}' is in {SPLITS[split]}; give it {least}, or leave out "
-                "a split"
+                f"{spec.where}: split: no sample of class '{target_class.name}' is in {SPLITS[split]}; give it {least}, or "
+                "leave out a split"
             )

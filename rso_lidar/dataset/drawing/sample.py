@@ -85,7 +85,9 @@ def _list_laws(spec: DatasetSpec, k: int) -> list[Any]:
     laws: list[Any] = []
     if (fragments := spec.classes[k].fragments) is not None:
         laws += [fragments.characteristic_length_m, fragments.seed]
-    laws += [one.law for one in spec.variable if not one.classes or spec.classes[k].name in one.classes]
+    laws += [
+        variable.law for variable in spec.variable if not variable.classes or spec.classes[k].name in variable.classes
+    ]
     if (view := spec.view) is not None and not spec.classes[k].empty:
         laws += [view.range_m, view.offset_fraction, view.attitude]
         laws += [] if view.spin_deg_s is None else [view.spin_deg_s, _AROUND]
@@ -106,11 +108,11 @@ def list_ends(spec: DatasetSpec, k: int) -> list[dict[str, float]]:
     k : index of the class
     """
     ends = []
-    for one in spec.variable:
-        if not one.classes or spec.classes[k].name in one.classes:
-            count = len(one.law.values) if isinstance(one.law, Choice) and not one.law.weights else 1
+    for variable in spec.variable:
+        if not variable.classes or spec.classes[k].name in variable.classes:
+            count = len(variable.law.values) if isinstance(variable.law, Choice) and not variable.law.weights else 1
             places = [(place + 0.5) / count for place in range(min(count, _MOST_CHOICES))] if count > 1 else []
-            ends += [{one.field: share} for share in (0.0, *places, _LAST_SHARE)]
+            ends += [{variable.field: share} for share in (0.0, *places, _LAST_SHARE)]
     return ends
 
 
@@ -128,19 +130,19 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
     """
     spec = plan.spec
     k, number, split = plan.place_sample(index)
-    one = spec.classes[k]
+    target_class = spec.classes[k]
     at = np.array([number])
-    name = None if one.empty else plan.class_models[k][int(plan.choose_model(k, at)[0])]
+    name = None if target_class.empty else plan.class_models[k][int(plan.choose_model(k, at)[0])]
     sensor = int(plan.choose_sensor(k, at)[0])
     draws = _Draws(spec, k, number, forced)
     tables = copy.deepcopy(plan.tables)
-    with add_place(f"{spec.where}: sample {index} (class '{one.name}')"):
+    with add_place(f"{spec.where}: sample {index} (class '{target_class.name}')"):
         for setting in spec.sensor[sensor].set if spec.sensor else ():
             apply_setting(tables, setting)
-        _choose_target(tables, plan, name, one, draws)
-        for setting in one.set:  # of the model that was chosen
+        _choose_target(tables, plan, name, target_class, draws)
+        for setting in target_class.set:  # of the model that was chosen
             apply_setting(tables, setting)
-        applied = [drawn for drawn in spec.variable if not drawn.classes or one.name in drawn.classes]
+        applied = [drawn for drawn in spec.variable if not drawn.classes or target_class.name in drawn.classes]
         for drawn in applied:
             if drawn.field in draws.values:
                 raise DatasetError(
@@ -149,7 +151,7 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
             set_field(tables, drawn.field, draws.draw(drawn.field, drawn.law), f"variable {drawn.field}")
         if spec.view is not None:
             _place_view(tables, plan, spec.view, draws, has_target=name is not None)
-        seeds = tuple(draw_seed(spec.seed, one.name, number, draw) for draw in range(spec.draws))
+        seeds = tuple(draw_seed(spec.seed, target_class.name, number, draw) for draw in range(spec.draws))
         tables["seed"] = seeds[0]
         for drawn in applied:
             if get_field(tables, drawn.field, f"variable {drawn.field}") is not draws.values[drawn.field]:
@@ -158,11 +160,11 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
                 )
         scenario = plan.build(tables)
         _check_shape(scenario, plan)
-        if name is not None and (found := name_model(scenario.target[plan.target_index])) != name:
-            raise DatasetError(f"a variable or setting makes the target '{found}', not '{name}'; name it in models")
-        frames = _choose_frames(spec, scenario, draw_shares(spec.seed, one.name, at, "start")[0, 0])
-    class_id = -1 if one.empty else plan.classes.index(one.name)
-    target = None if one.empty else plan.target_index
+        if name is not None and (model := name_model(scenario.target[plan.target_index])) != name:
+            raise DatasetError(f"a variable or setting makes the target '{model}', not '{name}'; name it in models")
+        frames = _choose_frames(spec, scenario, draw_shares(spec.seed, target_class.name, at, "start")[0, 0])
+    class_id = -1 if target_class.empty else plan.classes.index(target_class.name)
+    target = None if target_class.empty else plan.target_index
     return Sample(index, class_id, name, sensor, split, draws.values, frames, seeds, scenario, target)
 
 
@@ -178,7 +180,7 @@ def _check_shape(scenario: Scenario, plan: DatasetPlan) -> None:
 
 
 def _choose_target(
-    tables: dict[str, Any], plan: DatasetPlan, name: str | None, one: ClassOfTargets, draws: _Draws
+    tables: dict[str, Any], plan: DatasetPlan, name: str | None, target_class: ClassOfTargets, draws: _Draws
 ) -> None:
     """Give the target of the scenario the model or the fragment of a sample, or leave it out.
 
@@ -189,9 +191,9 @@ def _choose_target(
     targets = _find_targets(tables, plan)
     if name is None:
         del targets[plan.target_index]
-    elif one.replaces_target:
+    elif target_class.replaces_target:
         kept = {key: value for key, value in targets[plan.target_index].items() if key in _OF_ANY_MODEL}
-        targets[plan.target_index] = kept | _choose_shape(name, one.fragments, draws, "fragment")
+        targets[plan.target_index] = kept | _choose_shape(name, target_class.fragments, draws, "fragment")
 
 
 def _choose_shape(name: str, fragments: DrawnFragments | None, draws: _Draws, place: str) -> dict[str, Any]:
@@ -212,7 +214,9 @@ def _choose_shape(name: str, fragments: DrawnFragments | None, draws: _Draws, pl
 def _find_targets(tables: dict[str, Any], plan: DatasetPlan) -> list[dict[str, Any]]:
     """Check that settings have kept the target that classes replace, and return the targets of a scenario."""
     targets = tables["target"]
-    if not isinstance(targets, list) or not all(isinstance(one, dict) for one in targets[: plan.target_index + 1]):
+    if not isinstance(targets, list) or not all(
+        isinstance(target, dict) for target in targets[: plan.target_index + 1]
+    ):
         raise DatasetError(
             "target: a setting or variable replaces the list of targets; remove that setting or variable"
         )

@@ -44,14 +44,14 @@ def fly_sample(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[LabelledFram
 
 def list_numbers(sample: Sample) -> dict[str, float]:
     """List the drawn numbers of a sample by name; vectors by component."""
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     for name, value in sample.values.items():
         if name.startswith("clutter."):
             continue
-        for place, one in enumerate(value) if isinstance(value, list | tuple) else ((None, value),):
-            if type(one) in (int, float):
-                found[name if place is None else f"{name}.{place}"] = float(one)
-    return found
+        for place, number in enumerate(value) if isinstance(value, list | tuple) else ((None, value),):
+            if type(number) in (int, float):
+                numbers[name if place is None else f"{name}.{place}"] = float(number)
+    return numbers
 
 
 def _fly(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[int, Frame, Command | None]]:
@@ -83,8 +83,8 @@ def _predict(plan: DatasetPlan, sample: Sample, frame: Frame, command: Command |
         return frame
     photons: Any = frame.kept["photons"]
     part = sample.scenario.instrument.at(frame.time_s, command).detector
-    found = detector.predict_pixels(photons, part, frame.labels.range_m, by_table=not plan.spec.draws_detector)
-    return replace(frame, kept={**frame.kept, "prediction": found})
+    prediction = detector.predict_pixels(photons, part, frame.labels.range_m, by_table=not plan.spec.draws_detector)
+    return replace(frame, kept={**frame.kept, "prediction": prediction})
 
 
 def _draw_again(plan: DatasetPlan, sample: Sample, frame: Frame, command: Command | None, seed: int) -> Frame:
@@ -115,7 +115,7 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
     step, draw : place in the sequence, and number of the noise draw
     """
     scenario, labels = sample.scenario, frame.labels
-    found = label_frame(frame, scenario, sample.target)
+    labelling = label_frame(frame, scenario, sample.target)
     position, quaternion = np.full(3, np.nan), np.full(4, np.nan)
     if sample.target is not None:
         seen = frame.truth.pose("lidar", scenario.target[sample.target].name)
@@ -138,7 +138,7 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
         photons=labels.photons,
         target=number_bodies(labels.target, sample.target),
         part=labels.part,
-        part_class_id=found.part_class_id,
+        part_class_id=labelling.part_class_id,
         sample=sample.index,  # type: ignore[arg-type]  # records take what becomes an array
         step=step,  # type: ignore[arg-type]
         draw=draw,  # type: ignore[arg-type]
@@ -151,14 +151,14 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
         present=int(sample.target is not None),  # type: ignore[arg-type]
         position_m=position,
         quaternion_xyzw=quaternion,
-        range_to_target_m=found.range_to_target_m,  # type: ignore[arg-type]
-        lit_pixels=found.lit_pixels,  # type: ignore[arg-type]
-        reporting_pixels=found.reporting_pixels,  # type: ignore[arg-type]
-        total_photons=found.total_photons,  # type: ignore[arg-type]
-        box_px=found.box_px,
+        range_to_target_m=labelling.range_to_target_m,  # type: ignore[arg-type]
+        lit_pixels=labelling.lit_pixels,  # type: ignore[arg-type]
+        reporting_pixels=labelling.reporting_pixels,  # type: ignore[arg-type]
+        total_photons=labelling.total_photons,  # type: ignore[arg-type]
+        box_px=labelling.box_px,
         intrinsics_px=_find_intrinsics(scenario, frame),
         sun_direction=sun,
-        part_light_fraction=found.part_light_fraction,
+        part_light_fraction=labelling.part_light_fraction,
         **optional,
     )
 

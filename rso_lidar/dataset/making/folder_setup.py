@@ -50,8 +50,8 @@ def begin_folder(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
             and not (folder / SENSOR_FILE).exists()
             and not (join and (folder / MANIFEST).is_file())
             and any(
-                one.name not in (_LOCK, SPEC_FILE, SCENARIO_FILE, SENSOR_HASH, *SPLITS) and ".part" not in one.name
-                for one in folder.iterdir()
+                path.name not in (_LOCK, SPEC_FILE, SCENARIO_FILE, SENSOR_HASH, *SPLITS) and ".part" not in path.name
+                for path in folder.iterdir()
             )
         ):
             raise DatasetError(f"{folder}: holds other files; name a new folder")
@@ -115,26 +115,26 @@ def list_constants(plan: DatasetPlan) -> Constants:
 
 def _find_symmetries(plan: DatasetPlan) -> dict[str, dict[str, Any] | None]:
     """Return the symmetry of each model: that of the catalogue, or of the scenario's own target where a class keeps it."""
-    found: dict[str, dict[str, Any] | None] = dict.fromkeys(plan.models)
-    for one, names in zip(plan.spec.classes, plan.class_models, strict=True):
-        if one.models or one.taxonomy is not None:
-            found |= {name: _find_symmetry(name) for name in names}
-    for k, one in enumerate(plan.spec.classes):
-        if one.empty or one.replaces_target:
+    symmetries: dict[str, dict[str, Any] | None] = dict.fromkeys(plan.models)
+    for target_class, names in zip(plan.spec.classes, plan.class_models, strict=True):
+        if target_class.models or target_class.taxonomy is not None:
+            symmetries |= {name: _find_symmetry(name) for name in names}
+    for k, target_class in enumerate(plan.spec.classes):
+        if target_class.empty or target_class.replaces_target:
             continue
         first = draw_sample(plan, plan.find_first(k))
         target = first.scenario.target[plan.target_index]
         own = find_symmetry(target)
-        found[name_model(target)] = None if own is None else own.model_dump(exclude_none=True)
-    return found
+        symmetries[name_model(target)] = None if own is None else own.model_dump(exclude_none=True)
+    return symmetries
 
 
 def _find_symmetry(name: str) -> dict[str, Any] | None:
     """Return the symmetry of a model of the catalogue in its body axes, with hinges at zero; None of another mesh."""
     if is_mesh_path(name):
         return None
-    found = find_symmetry(Target(name="target", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0))))
-    return None if found is None else found.model_dump(exclude_none=True)
+    symmetry = find_symmetry(Target(name="target", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0))))
+    return None if symmetry is None else symmetry.model_dump(exclude_none=True)
 
 
 def remove_drafts(folder: Path, finished: dict[str, ShardRecord]) -> None:

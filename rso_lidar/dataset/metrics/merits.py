@@ -63,7 +63,7 @@ def replicate(statistics: Sequence[Statistic], encounters: EncounterIndex, repli
     Values (statistic, replicate). The same encounters and numbers give the same draws, so that two calls are paired.
     """
     blocks = [
-        np.array([one.evaluate(weights) for one in statistics]).reshape(len(statistics), len(weights))
+        np.array([statistic.evaluate(weights) for statistic in statistics]).reshape(len(statistics), len(weights))
         for weights in encounters.draw(replicates)
     ]
     return np.concatenate(blocks, axis=1) if blocks else np.empty((len(statistics), 0))
@@ -72,7 +72,7 @@ def replicate(statistics: Sequence[Statistic], encounters: EncounterIndex, repli
 def evaluate_all(statistics: Sequence[Statistic], encounters: EncounterIndex) -> np.ndarray:
     """Return the values (statistic) of statistics over all encounters."""
     once = np.ones((1, encounters.count))
-    return np.array([one.evaluate(once)[0] for one in statistics])
+    return np.array([statistic.evaluate(once)[0] for statistic in statistics])
 
 
 def find_values(
@@ -85,11 +85,15 @@ def find_values(
     replicates : number of draws of the bootstrap
     """
     values = evaluate_all(statistics, encounters)
-    drawn = iter(replicate([one for one in statistics if one.needs_draws], encounters, replicates))
+    drawn = iter(replicate([statistic for statistic in statistics if statistic.needs_draws], encounters, replicates))
     empty = np.empty(0)
     return tuple(
-        Value(float(value), *one.find_interval(next(drawn) if one.needs_draws else empty, confidence), *one.count())
-        for one, value in zip(statistics, values, strict=True)
+        Value(
+            float(value),
+            *statistic.find_interval(next(drawn) if statistic.needs_draws else empty, confidence),
+            *statistic.count(),
+        )
+        for statistic, value in zip(statistics, values, strict=True)
     )
 
 
@@ -133,5 +137,5 @@ def find_even_edges(values: np.ndarray, count: int) -> np.ndarray:
 
 def find_bins(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Return the number of the bin (frame) of each value; -1 outside all bins and for NaN."""
-    found = np.searchsorted(edges, np.where(np.isfinite(values), values, -np.inf), side="right") - 1
-    return np.where((found >= 0) & (found < len(edges) - 1), found, -1)
+    bins = np.searchsorted(edges, np.where(np.isfinite(values), values, -np.inf), side="right") - 1
+    return np.where((bins >= 0) & (bins < len(edges) - 1), bins, -1)

@@ -51,8 +51,8 @@ class _Ranking(FrameStatistic):
         """Places in `rows` that end a group of equal scores, without those of missing predictions."""
         ranked = self.score[self.rows]
         ends = np.flatnonzero(np.append(ranked[1:] != ranked[:-1], True)) if len(ranked) else np.empty(0, int)
-        found: np.ndarray = ends[ranked[ends] > -np.inf]
-        return found
+        places: np.ndarray = ends[ranked[ends] > -np.inf]
+        return places
 
     def _evaluate(self, weights: np.ndarray, find: Callable[..., np.ndarray]) -> np.ndarray:
         """Apply a function of weighted counts of detections and false alarms at each threshold.
@@ -79,10 +79,10 @@ class _Ranking(FrameStatistic):
         good = self.positive[self.rows]
         hits, alarms = np.cumsum(good), np.cumsum(~good)
         ends = self.last_of_tie
-        found, false = (np.concatenate([[0.0], part[ends]]) if len(part) else np.zeros(1) for part in (hits, alarms))
+        true, false = (np.concatenate([[0.0], part[ends]]) if len(part) else np.zeros(1) for part in (hits, alarms))
         with np.errstate(divide="ignore", invalid="ignore"):
-            precision = np.where(found + false > 0, found / (found + false), 1.0)
-            recall, rate = found / good.sum(), false / (~good).sum()
+            precision = np.where(true + false > 0, true / (true + false), 1.0)
+            recall, rate = true / good.sum(), false / (~good).sum()
         return RankingCurve(np.concatenate([[np.inf], self.score[self.rows][ends]]), precision, recall, rate)
 
 

@@ -40,11 +40,13 @@ def read_attribution(folder: Path) -> Attribution:
         Empty if there is no earlier publication, or its file cannot be read.
     """
     try:
-        found: dict[str, Any] = json.loads((folder / CROISSANT).read_text(encoding="utf-8"))
+        description: dict[str, Any] = json.loads((folder / CROISSANT).read_text(encoding="utf-8"))
         return Attribution(
-            licence=found["license"].removeprefix(SPDX).removesuffix(".html") if "license" in found else None,
-            creators=tuple(one["name"] for one in found.get("creator", [])),
-            url=found.get("url"),
+            licence=description["license"].removeprefix(SPDX).removesuffix(".html")
+            if "license" in description
+            else None,
+            creators=tuple(creator["name"] for creator in description.get("creator", [])),
+            url=description.get("url"),
         )
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return Attribution()

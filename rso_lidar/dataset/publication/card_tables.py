@@ -42,7 +42,7 @@ def list_arrays(data: Dataset) -> str:
     first = split[0]
     rows = []
     stated = [*specs(LabelledFrame)]  # in the order in which a person reads them; drawn numbers follow
-    for name in sorted(split.names, key=lambda one: stated.index(one) if one in stated else len(stated)):
+    for name in sorted(split.names, key=lambda key: stated.index(key) if key in stated else len(stated)):
         spec = describe_array(name)
         shape = " × ".join(["frame", *map(str, first[name].shape)])
         rows.append([f"`{name}`", shape, first[name].dtype.name, "" if spec.unit == "1" else spec.unit, spec.meaning])
@@ -97,7 +97,7 @@ def _describe_value(value: Any) -> str:
         return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
     table = value.model_dump(exclude_none=True)
     kind = table.pop("type", "")
-    return f"{kind} {', '.join(f'{name} = {_shorten(found)}' for name, found in table.items())}".strip()
+    return f"{kind} {', '.join(f'{name} = {_shorten(entry)}' for name, entry in table.items())}".strip()
 
 
 def _shorten(value: Any) -> str:

@@ -52,15 +52,17 @@ def write_croissant(data: Dataset, attribution: Attribution) -> Path:
 
 def describe_in_croissant(data: Dataset, attribution: Attribution) -> dict[str, Any]:
     """Describe a dataset as JSON-LD."""
-    made = datetime.datetime.fromtimestamp((data.folder / MANIFEST).stat().st_mtime, datetime.UTC).date().isoformat()
-    found: dict[str, Any] = {
+    published = (
+        datetime.datetime.fromtimestamp((data.folder / MANIFEST).stat().st_mtime, datetime.UTC).date().isoformat()
+    )
+    description: dict[str, Any] = {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
         "conformsTo": ["http://mlcommons.org/croissant/1.1", "http://mlcommons.org/croissant/RAI/1.0"],
         "name": data.spec.name,
         "description": describe_dataset(data),
         "version": f"1.0.0+{data.constants.sha256[:12]}",
-        "datePublished": made,
+        "datePublished": published,
         "inLanguage": "en",
         "keywords": ["flash lidar", "range image", "spacecraft", "pose estimation", "simulation"],
         "citeAs": cite(data, attribution),
@@ -79,12 +81,12 @@ def describe_in_croissant(data: Dataset, attribution: Attribution) -> dict[str, 
         "recordSet": _list_record_sets(data),
     }
     if attribution.licence is not None:
-        found["license"] = f"{SPDX}{attribution.licence}.html"
+        description["license"] = f"{SPDX}{attribution.licence}.html"
     if attribution.creators:
-        found["creator"] = [{"@type": "sc:Person", "name": name} for name in attribution.creators]
+        description["creator"] = [{"@type": "sc:Person", "name": name} for name in attribution.creators]
     if attribution.url is not None:
-        found["url"] = attribution.url
-    return found
+        description["url"] = attribution.url
+    return description
 
 
 def _list_files(data: Dataset) -> Iterable[dict[str, Any]]:

@@ -155,16 +155,16 @@ def _explain_splits(data: Dataset) -> str:
 def _explain_sensors(data: Dataset) -> str:
     """Return the section on the instruments."""
     parts = ["## Sensor"]
-    drawn = {one.field for one in data.spec.variable}
+    drawn = {variable.field for variable in data.spec.variable}
     for name, parameters in list_sensors(data):
         rows = [
             [
-                f"`{one.place}`",
-                "drawn" if one.place in drawn else one.value,
-                "assumed" if one.is_assumed else "",
-                one.meaning,
+                f"`{parameter.place}`",
+                "drawn" if parameter.place in drawn else parameter.value,
+                "assumed" if parameter.is_assumed else "",
+                parameter.meaning,
             ]
-            for one in parameters
+            for parameter in parameters
         ]
         parts += [f"### {name}", format_table(["parameter", "value", "source", "meaning"], rows)]
     return "\n\n".join(parts)
@@ -172,7 +172,9 @@ def _explain_sensors(data: Dataset) -> str:
 
 def _explain_limits(data: Dataset) -> str:
     """Return the section on known limits."""
-    assumed = {one.place for _, parameters in list_sensors(data) for one in parameters if one.is_assumed}
+    assumed = {
+        parameter.place for _, parameters in list_sensors(data) for parameter in parameters if parameter.is_assumed
+    }
     lines = [f"- {limit}" for limit in LIMITS]
     if assumed:
         lines.append(f"- Assumed numbers of the instrument: {', '.join(f'`{place}`' for place in sorted(assumed))}.")

@@ -39,16 +39,16 @@ def count_frames(data: Dataset) -> FrameCounts:
         split = data.split(name)
         of_class, of_pixels = np.zeros(len(names), int), np.zeros(len(PIXEL_STEPS), int)
         for shard in range(len(split.records)):
-            found = split.read_shard(shard, _COLUMNS)
-            class_id, range_m = found["class_id"], found["range_to_target_m"]
+            arrays = split.read_shard(shard, _COLUMNS)
+            class_id, range_m = arrays["class_id"], arrays["range_to_target_m"]
             of_class += np.bincount(np.where(class_id < 0, len(names) - 1, class_id), minlength=len(names))
             known = (class_id >= 0) & np.isfinite(range_m)
             np.minimum.at(nearest_m, class_id[known], range_m[known])
             np.maximum.at(farthest_m, class_id[known], range_m[known])
-            bins = np.searchsorted(PIXEL_STEPS, found["reporting_pixels"][class_id >= 0], side="right") - 1
+            bins = np.searchsorted(PIXEL_STEPS, arrays["reporting_pixels"][class_id >= 0], side="right") - 1
             of_pixels += np.bincount(bins, minlength=len(PIXEL_STEPS))
         by_class[name] = dict(zip(names, of_class.tolist(), strict=True))
         by_pixels[name] = tuple(of_pixels.tolist())
     ranges = zip(data.classes, nearest_m.tolist(), farthest_m.tolist(), strict=True)
-    ranges_m = {one: (low, high) for one, low, high in ranges if low <= high}
+    ranges_m = {name: (low, high) for name, low, high in ranges if low <= high}
     return FrameCounts(by_class, by_pixels, ranges_m)

@@ -97,17 +97,17 @@ def _read_tables(data: Dataset, columns: list[str], schema: Any) -> Iterator[Any
         for shard, record in enumerate(split.records):
             arrays = split.read_shard(shard, columns)
             count = record.frames
-            made: dict[str, Any] = {
+            table: dict[str, Any] = {
                 "split": _repeat(name, count),
                 "shard": _repeat(record.path, count),
                 "row": pyarrow.array(np.arange(count, dtype=np.int32)),
             }
-            made |= {word: _take_names(names, arrays[f"{word}_id"]) for word, names in lists.items()}
+            table |= {word: _take_names(names, arrays[f"{word}_id"]) for word, names in lists.items()}
             for column, values in arrays.items():
                 flat = pyarrow.array(np.ascontiguousarray(values).ravel())
                 of_list = schema.field(column).type
-                made[column] = flat if values.ndim == 1 else pyarrow.FixedSizeListArray.from_arrays(flat, type=of_list)
-            yield pyarrow.table([made[field.name] for field in schema], schema=schema)
+                table[column] = flat if values.ndim == 1 else pyarrow.FixedSizeListArray.from_arrays(flat, type=of_list)
+            yield pyarrow.table([table[field.name] for field in schema], schema=schema)
 
 
 def _repeat(text: str, count: int) -> Any:

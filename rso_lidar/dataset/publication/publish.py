@@ -73,8 +73,8 @@ def _draw_pictures(data: Dataset) -> list[str]:
     rows = range(min(_MOST_FRAMES, len(split)))
     reporting = split.read(rows, ["reporting_pixels"])["reporting_pixels"]
     order = np.argsort(reporting, kind="stable")[::-1]
-    found = order[: max(1, int((reporting > 0).sum()))]
-    chosen = dict.fromkeys((int(found[0]), int(found[len(found) // 2])))
+    reporting_rows = order[: max(1, int((reporting > 0).sum()))]
+    chosen = dict.fromkeys((int(reporting_rows[0]), int(reporting_rows[len(reporting_rows) // 2])))
     names = []
     for name, row in zip(PICTURES, chosen, strict=False):
         frame = split[row]

@@ -67,5 +67,5 @@ def _simplify(value: Any) -> Any:
     if isinstance(value, Part):
         return value.model_dump(mode="json", exclude_none=True)
     if isinstance(value, list | tuple):
-        return [_simplify(one) for one in value]
+        return [_simplify(element) for element in value]
     return value if isinstance(value, bool | int | float | str) else str(value)

@@ -262,14 +262,14 @@ class Split:
         rows = np.where(rows < 0, rows + len(self), rows).astype(np.int64)
         shards = np.searchsorted(self.ends, rows, side="right")
         starts = np.concatenate(([0], self.ends))[shards] if rows.size else rows
-        found: dict[str, np.ndarray] = {}
+        arrays: dict[str, np.ndarray] = {}
         for name in names:
             pieces = [
                 self._read(int(shard), name, int(row - start))
                 for shard, row, start in zip(shards, rows, starts, strict=True)
             ]
-            found[name] = np.stack(pieces) if pieces else self._array(0, name)[:0]
-        return found
+            arrays[name] = np.stack(pieces) if pieces else self._array(0, name)[:0]
+        return arrays
 
     def _read(self, shard: int, name: str, row: Any) -> np.ndarray:
         """Read entries of an array of a shard.

@@ -80,7 +80,7 @@ class PassingLevel(FrameStatistic):
 
         def find(of_frames: np.ndarray) -> np.ndarray:
             hits, trials = (np.add.reduceat(part, starts, axis=1) for part in (of_frames * hit, of_frames))
-            found = np.full(len(of_frames), np.inf)
+            passing_levels = np.full(len(of_frames), np.inf)
             for number, (good, total) in enumerate(zip(hits, trials, strict=True)):
                 there = np.flatnonzero(total > 0)
                 if not len(there):
@@ -88,8 +88,8 @@ class PassingLevel(FrameStatistic):
                 fitted = isotonic_regression(good[there] / total[there], weights=total[there]).x
                 above = np.flatnonzero(fitted >= self.level - 1e-9)
                 if len(above) and total[there[above[0]] :].sum() >= max(_FEWEST_ABOVE, _SHARE_ABOVE * total.sum()):
-                    found[number] = levels[there[above[0]]]
-            return found
+                    passing_levels[number] = levels[there[above[0]]]
+            return passing_levels
 
         return in_chunks(weights, self.encounters.index[rows], find)
 
@@ -130,7 +130,7 @@ def score_classes(truth: FrameTruth, chosen: np.ndarray, scores: np.ndarray | No
             name: AveragePrecision(truth.encounters, scores[:, numbers[name]], rows, asked)
             for name, rows in of_class.items()
         }
-        curves = {name: one.trace() for name, one in ranked.items()}
+        curves = {name: ranking.trace() for name, ranking in ranked.items()}
         merits.append(
             FigureOfMerit(
                 "macro_average_precision", "1", HIGHER, "mean over classes of the average precision",
@@ -139,9 +139,14 @@ def score_classes(truth: FrameTruth, chosen: np.ndarray, scores: np.ndarray | No
         )  # fmt: skip
         merits += [
             FigureOfMerit(
-                f"average_precision.{name}", "1", HIGHER, f"average precision of {name} against the rest", one, False
+                f"average_precision.{name}",
+                "1",
+                HIGHER,
+                f"average precision of {name} against the rest",
+                ranking,
+                False,
             )
-            for name, one in ranked.items()
+            for name, ranking in ranked.items()
         ]
     for name, rows in of_class.items():
         called = asked & (chosen == truth.classes.index(name))
@@ -201,7 +206,7 @@ def _bin_recall(truth: FrameTruth, right: np.ndarray, groups: dict[str, np.ndarr
     right : (frame) whether the frame is predicted correctly
     groups : masks (frame) by name
     """
-    made = []
+    binned = []
     for quantity, unit, values, edges in (
         ("lit_pixels", "1", truth.lit_pixels, find_log_edges(truth.lit_pixels[groups[ALL]])),
         ("range", "m", truth.range_to_target_m, find_even_edges(truth.range_to_target_m[groups[ALL]], 8)),
@@ -215,8 +220,8 @@ def _bin_recall(truth: FrameTruth, right: np.ndarray, groups: dict[str, np.ndarr
             ]
             for name, rows in groups.items()
         }
-        made.append(Bins("recall", quantity, unit, edges, series))
-    return made
+        binned.append(Bins("recall", quantity, unit, edges, series))
+    return binned
 
 
 def _count_confusions(truth: FrameTruth, chosen: np.ndarray, asked: np.ndarray) -> list[Confusions]:
@@ -228,7 +233,7 @@ def _count_confusions(truth: FrameTruth, chosen: np.ndarray, asked: np.ndarray) 
     asked : (frame) which frames count
     """
     size = len(truth.classes)
-    made = []
+    confusions = []
     for quantity, unit, values, parts in (
         ("all", "1", np.zeros(len(asked)), 1),
         ("range", "m", truth.range_to_target_m, _PARTS),
@@ -240,5 +245,5 @@ def _count_confusions(truth: FrameTruth, chosen: np.ndarray, asked: np.ndarray) 
         rows = np.flatnonzero(asked & (bins >= 0))
         called = np.where(chosen[rows] < 0, size, chosen[rows])
         np.add.at(counts, (bins[rows], truth.class_id[rows], called), 1)
-        made.append(Confusions(quantity, unit, edges, counts))
-    return made
+        confusions.append(Confusions(quantity, unit, edges, counts))
+    return confusions

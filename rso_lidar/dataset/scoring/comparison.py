@@ -114,10 +114,10 @@ def compare(
     values = new.evaluate(at), old.evaluate(before)
     rows = [
         _compare_one(
-            merit, old.runs[0].merits[k].statistic if is_single else None, (one, other), replicates,
+            merit, old.runs[0].merits[k].statistic if is_single else None, (new_value, old_value), replicates,
             margins.get(merit.name, 0.0), level,
         )
-        for merit, k, one, other, *replicates in zip(
+        for merit, k, new_value, old_value, *replicates in zip(
             [new.runs[0].merits[place] for place in at], before, *(part.tolist() for part in values), *drawn, strict=True
         )
     ]  # fmt: skip
@@ -157,18 +157,18 @@ def find_exchange_probability(differences: np.ndarray) -> float:
     0.0625
     """
     sizes = np.abs(differences[differences != 0]).astype(np.int64)
-    total, found = int(sizes.sum()), int(differences.sum())
+    total, net = int(sizes.sum()), int(differences.sum())
     if total > _MOST_EXACT:
         from scipy.special import ndtr
 
-        return float(ndtr((found + 1.0) / np.sqrt(float((sizes.astype(float) ** 2).sum()))))
+        return float(ndtr((net + 1.0) / np.sqrt(float((sizes.astype(float) ** 2).sum()))))
     chance = np.ones(1)  # of the sum of the positive sizes, 0 to total
     for size in sizes.tolist():
         longer = np.zeros(len(chance) + size)
         longer[: len(chance)] += 0.5 * chance
         longer[size:] += 0.5 * chance
         chance = longer
-    return min(1.0, float(chance[: (total + found) // 2 + 1].sum()))
+    return min(1.0, float(chance[: (total + net) // 2 + 1].sum()))
 
 
 def _list_keys(card: Scorecard) -> np.ndarray:
@@ -221,19 +221,19 @@ def _judge(rows: list[Change], level: float) -> tuple[Change, ...]:
     judged = {
         row.name: replace(
             row,
-            verdict=WORSE if one <= level else BETTER if other <= level else SAME,
-            p_worse_corrected=one,
-            p_better_corrected=other,
+            verdict=WORSE if p_worse <= level else BETTER if p_better <= level else SAME,
+            p_worse_corrected=p_worse,
+            p_better_corrected=p_better,
         )
-        for row, one, other in zip(open_rows, worse.tolist(), better.tolist(), strict=True)
+        for row, p_worse, p_better in zip(open_rows, worse.tolist(), better.tolist(), strict=True)
     }
     return tuple(judged.get(row.name, row) for row in rows)
 
 
-def _subtract(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _subtract(new: np.ndarray, old: np.ndarray) -> np.ndarray:
     """Return differences; zero where both are infinite."""
     with np.errstate(invalid="ignore"):
-        return np.where(np.isinf(one) & (one == other), 0.0, one - other)
+        return np.where(np.isinf(new) & (new == old), 0.0, new - old)
 
 
 def _average_runs(drawn: np.ndarray, side: int) -> np.ndarray:
@@ -266,8 +266,8 @@ def _find_differences(new: Statistic, old: Statistic) -> np.ndarray | None:
 
 def _find_changed(new: Scorecard, old: Scorecard) -> tuple[np.ndarray, np.ndarray]:
     """Return the frames whose class became wrong, and those whose class became right, of the first run of each side."""
-    one, other, truth = new.runs[0].class_id, old.runs[0].class_id, new.benchmark.truth
-    if one is None or other is None:
+    new_class, old_class, truth = new.runs[0].class_id, old.runs[0].class_id, new.benchmark.truth
+    if new_class is None or old_class is None:
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    right, was_right = (truth.is_lit & (chosen == truth.class_id) for chosen in (one, other))
+    right, was_right = (truth.is_lit & (chosen == truth.class_id) for chosen in (new_class, old_class))
     return np.flatnonzero(was_right & ~right), np.flatnonzero(right & ~was_right)

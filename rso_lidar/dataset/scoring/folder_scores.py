@@ -70,8 +70,8 @@ def score(
     others = {name: opened.split(name).column("sample") for name in opened.splits if name != split}
     keys = np.stack([truth.sample, truth.step, truth.draw], axis=1)
     runs: list[tuple[Predictions, np.ndarray]] = []
-    for number, one in enumerate(several):
-        given = _take_predictions(one, number, opened)
+    for number, source in enumerate(several):
+        given = _take_predictions(source, number, opened)
         runs.append((given, match_frames(given, keys, others, split)))
     needs_surfaces = any(given.position_m is not None for given, _ in runs)
     benchmark = Benchmark(
@@ -83,12 +83,14 @@ def score(
         identity=opened.constants.sha256,
         split=split,
     )
-    made = tuple(score_run(given, rows, benchmark) for given, rows in runs)
-    tasks = [tuple(merit.name for merit in run.merits) for run in made]
-    for run, names in zip(made, tasks, strict=True):
+    run_scores = tuple(score_run(given, rows, benchmark) for given, rows in runs)
+    tasks = [tuple(merit.name for merit in run.merits) for run in run_scores]
+    for run, names in zip(run_scores, tasks, strict=True):
         if names != tasks[0]:
-            raise DatasetError(f"{run.name}: predicts other things than {made[0].name}; give runs of one algorithm")
-    return Scorecard(benchmark, made, replicates, confidence)
+            raise DatasetError(
+                f"{run.name}: predicts other things than {run_scores[0].name}; give runs of one algorithm"
+            )
+    return Scorecard(benchmark, run_scores, replicates, confidence)
 
 
 def _take_predictions(given: PredictionSource, number: int, dataset: Dataset) -> Predictions:
@@ -100,14 +102,15 @@ def _take_predictions(given: PredictionSource, number: int, dataset: Dataset) ->
     """
     if isinstance(given, Mapping):
         return check_predictions(given, dataset.classes, f"predictions {number + 1}")
-    found = load_predictions(Path(given), dataset.classes, _find_limits(dataset))
+    predictions = load_predictions(Path(given), dataset.classes, _find_limits(dataset))
     known = dataset.constants.sha256
-    stated = found.dataset.strip().lower()
+    stated = predictions.dataset.strip().lower()
     if stated and (len(stated) < _LEAST_HASH or not known.startswith(stated)):
         raise DatasetError(
-            f"{found.name}: is about the dataset {stated:.12}, and {dataset.folder} is {known[:12]}; score it with its own"
+            f"{predictions.name}: is about the dataset {stated:.12}, and {dataset.folder} is {known[:12]}; "
+            "score it with its own"
         )
-    return found
+    return predictions
 
 
 def _find_limits(dataset: Dataset) -> PredictionLimits:
@@ -129,12 +132,12 @@ def _sample_surfaces(dataset: Dataset, truth: FrameTruth) -> dict[int, ModelSurf
         plan = make_plan(dataset.folder / SPEC_FILE)
         if plan.sha256 != dataset.constants.sha256:
             raise DatasetError(f"{dataset.folder}: a mesh or {SPEC_FILE} has changed since it was made")
-        found = {}
+        surfaces = {}
         for model in np.unique(truth.model_id[truth.model_id >= 0]).tolist():
             sample = draw_sample(plan, int(truth.sample[np.flatnonzero(truth.model_id == model)[0]]))
             if sample.target is not None:
-                found[model] = ModelSurface(sample_mesh(sample.scenario.corners_of(sample.target)))
+                surfaces[model] = ModelSurface(sample_mesh(sample.scenario.corners_of(sample.target)))
     except RsoLidarError as error:
         warn(f"score: no ADD and ADD-S without the models' surfaces ({error})")
         return {}
-    return found
+    return surfaces

@@ -64,14 +64,14 @@ class ModelSurface:
         ends = np.unique(np.concatenate([along.argmax(axis=0), along.argmin(axis=0)]))
         return float(pdist(self.mesh.points_m[ends]).max())
 
-    def find_distances(self, found: RigidTransform, true: RigidTransform) -> tuple[float, float]:
+    def find_distances(self, estimated: RigidTransform, true: RigidTransform) -> tuple[float, float]:
         """Return the mean distance of points to themselves (ADD) and to the closest points (ADD-S) [m].
 
         Parameters
         ----------
         found, true : lidar_from_target as estimated, and as it was
         """
-        moved = (found.inv() * true).apply(self.points_m)
+        moved = (estimated.inv() * true).apply(self.points_m)
         closest, _ = self.mesh.tree.query(moved)
         return float(np.linalg.norm(moved - self.points_m, axis=1).mean()), float(closest.mean())
 
@@ -127,7 +127,7 @@ def find_pose_errors(
     translation[given] = np.linalg.norm(position_m[given] - truth.position_m[given], axis=1)
     for model in np.unique(truth.model_id[asked]).tolist():
         rows = np.flatnonzero(given & (truth.model_id == model))
-        found, true = Rotation.from_quat(quaternion_xyzw[rows]), Rotation.from_quat(truth.quaternion_xyzw[rows])
+        estimated, true = Rotation.from_quat(quaternion_xyzw[rows]), Rotation.from_quat(truth.quaternion_xyzw[rows])
         rotation[rows] = rotation_error_rad(quaternion_xyzw[rows], truth.quaternion_xyzw[rows], symmetries[model])
         of_model = asked & (truth.model_id == model)
         surface = surfaces.get(model)
@@ -135,7 +135,7 @@ def find_pose_errors(
             add[of_model] = adds[of_model] = np.nan
             continue
         diameter[of_model] = surface.diameter_m
-        for row, turned, upright in zip(rows.tolist(), found, true, strict=True):
+        for row, turned, upright in zip(rows.tolist(), estimated, true, strict=True):
             add[row], adds[row] = surface.find_distances(
                 RigidTransform.from_components(position_m[row], turned),
                 RigidTransform.from_components(truth.position_m[row], upright),
@@ -200,7 +200,7 @@ def _bin_medians(truth: FrameTruth, errors: PoseErrors, asked: np.ndarray) -> li
     ----------
     asked : (frame) which frames count
     """
-    made = []
+    binned = []
     for quantity, unit, values, edges in (
         ("range", "m", truth.range_to_target_m, find_even_edges(truth.range_to_target_m[asked], 8)),
         ("lit_pixels", "1", truth.lit_pixels, find_log_edges(truth.lit_pixels[asked])),
@@ -211,7 +211,7 @@ def _bin_medians(truth: FrameTruth, errors: PoseErrors, asked: np.ndarray) -> li
             ("translation_error_m", errors.translation_m),
         ):
             series = [Quantile(truth.encounters, of_frames, asked & (bins == k)) for k in range(len(edges) - 1)]
-            made.append(Bins(name, quantity, unit, edges, {"median": series}))
+            binned.append(Bins(name, quantity, unit, edges, {"median": series}))
         measured = asked & np.isfinite(errors.diameter_m)
         if measured.any():
             within = {
@@ -225,5 +225,5 @@ def _bin_medians(truth: FrameTruth, errors: PoseErrors, asked: np.ndarray) -> li
                 ]
                 for word, rows in within.items()
             }
-            made.append(Bins("pose_recall", quantity, unit, edges, series_by_word))
-    return made
+            binned.append(Bins("pose_recall", quantity, unit, edges, series_by_word))
+    return binned

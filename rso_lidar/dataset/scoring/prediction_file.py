@@ -147,15 +147,15 @@ def _read_hdf5(path: Path, most: PredictionLimits) -> tuple[dict[str, Any], str]
         file = open_checked(path)
         columns: dict[str, Any] = {}
         left = most.size_bytes
-        for name, found in file.items():
-            if isinstance(found, h5py.Dataset):
-                check_declared_size(found)
-                _check_rows(path, name, found.shape[0] if found.shape else 0, most)
-                left -= 0 if name in PIXELS else found.nbytes
+        for name, member in file.items():
+            if isinstance(member, h5py.Dataset):
+                check_declared_size(member)
+                _check_rows(path, name, member.shape[0] if member.shape else 0, most)
+                left -= 0 if name in PIXELS else member.nbytes
                 if left < 0:
                     raise _make_size_error(path, name, most)
-                is_text = h5py.check_string_dtype(found.dtype) is not None
-                columns[name] = found if name in PIXELS else found.asstr()[()] if is_text else found[()]
+                is_text = h5py.check_string_dtype(member.dtype) is not None
+                columns[name] = member if name in PIXELS else member.asstr()[()] if is_text else member[()]
         return columns, str(file.attrs.get(IDENTITY, ""))
     except DatasetError:
         raise
@@ -211,22 +211,25 @@ def _make_size_error(path: Path, name: str, most: PredictionLimits) -> DatasetEr
 
 def _split_vectors(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:
     """Split positions, quaternions and matrices of scores into columns."""
-    made = dict(columns)
+    split_columns = dict(columns)
     for name, parts in _VECTORS.items():
-        if name in made:
-            values = np.asarray(made.pop(name))
+        if name in split_columns:
+            values = np.asarray(split_columns.pop(name))
             if values.ndim != 2 or values.shape[1] != len(parts):
                 raise DatasetError(f"{path}: {name} has shape {values.shape}; give (frame, {len(parts)})")
-            made |= {part: values[:, k] for k, part in enumerate(parts)}
-    if "scores" in made:
-        values, classes = np.asarray(made.pop("scores")), np.asarray(made.pop("classes", ())).astype(str)
+            split_columns |= {part: values[:, k] for k, part in enumerate(parts)}
+    if "scores" in split_columns:
+        values, classes = (
+            np.asarray(split_columns.pop("scores")),
+            np.asarray(split_columns.pop("classes", ())).astype(str),
+        )
         if values.ndim != 2 or values.shape[1] != len(classes):
             raise DatasetError(
                 f"{path}: scores has shape {values.shape} with {len(classes)} names in classes; give (frame, class) and "
                 "the name of each class"
             )
-        made |= {f"score.{name}": values[:, k] for k, name in enumerate(classes.tolist())}
-    return made
+        split_columns |= {f"score.{name}": values[:, k] for k, name in enumerate(classes.tolist())}
+    return split_columns
 
 
 def _first_line(error: BaseException) -> str:

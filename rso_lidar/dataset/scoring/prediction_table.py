@@ -87,7 +87,11 @@ def check_predictions(
     scores = None
     if any(column.startswith(_SCORE) for column in columns):
         scores = np.stack(
-            [_read_numbers(columns[f"{_SCORE}{one}"], f"{_SCORE}{one}", name, keys) for one in classes], axis=1
+            [
+                _read_numbers(columns[f"{_SCORE}{class_name}"], f"{_SCORE}{class_name}", name, keys)
+                for class_name in classes
+            ],
+            axis=1,
         )
     chosen = _read_classes(columns["class"], classes, name, keys) if "class" in columns else None
     if chosen is None and scores is not None:
@@ -95,9 +99,9 @@ def check_predictions(
     position_m = quaternion_xyzw = None
     if "x_m" in columns:
         position_m, quaternion_xyzw = _read_pose(columns, name, keys)
-    for one in PIXELS:
-        if one in columns and (kind := getattr(columns[one], "dtype", np.dtype(object))).kind not in "biuf":
-            raise DatasetError(f"{name}: {one} has values of {kind}; give an array of real numbers")
+    for layer in PIXELS:
+        if layer in columns and (kind := getattr(columns[layer], "dtype", np.dtype(object))).kind not in "biuf":
+            raise DatasetError(f"{name}: {layer} has values of {kind}; give an array of real numbers")
     return Predictions(
         name=name,
         keys=keys,
@@ -106,7 +110,7 @@ def check_predictions(
         present_score=_read_numbers(columns["present"], "present", name, keys) if "present" in columns else None,
         position_m=position_m,
         quaternion_xyzw=quaternion_xyzw,
-        pixels={one: columns[one] for one in PIXELS if one in columns},
+        pixels={layer: columns[layer] for layer in PIXELS if layer in columns},
         dataset=dataset,
     )
 
@@ -131,7 +135,7 @@ def match_frames(
         If a prediction is of another split, or of no frame at all.
     """
     rows = {key: number for number, key in enumerate(map(tuple, predictions.keys.tolist()))}
-    found = np.array([rows.pop(key, -1) for key in map(tuple, truth_keys.tolist())], dtype=np.int64)
+    matched_rows = np.array([rows.pop(key, -1) for key in map(tuple, truth_keys.tolist())], dtype=np.int64)
     if rows:
         key = next(iter(rows))
         for other, samples in others.items():
@@ -143,7 +147,7 @@ def match_frames(
         raise DatasetError(
             f"{predictions.name}: {describe_frame(key)} is not in the dataset ({len(rows):,} such rows); is it another one?"
         )
-    return found
+    return matched_rows
 
 
 def describe_frame(key: Sequence[int]) -> str:
@@ -161,25 +165,30 @@ def _check_names(columns: Mapping[str, Any], classes: Sequence[str], name: str) 
         guess = did_you_mean("sample", columns)
         raise DatasetError(f"{name}: no column 'sample'{guess}; it identifies the frame, with 'step' and 'draw'")
     scored = [column.removeprefix(_SCORE) for column in columns if column.startswith(_SCORE)]
-    for one in scored:
-        if one not in classes:
+    for class_name in scored:
+        if class_name not in classes:
             raise DatasetError(
-                f"{name}: {_SCORE}{one}: unknown class '{one}'{did_you_mean(one, classes)} (known: {', '.join(classes)})"
+                f"{name}: {_SCORE}{class_name}: unknown class '{class_name}'{did_you_mean(class_name, classes)} "
+                f"(known: {', '.join(classes)})"
             )
-    for one in classes if scored else ():
-        if one not in scored:
-            raise DatasetError(f"{name}: no column '{_SCORE}{one}'; give one for each class, 0 for one never predicted")
+    for class_name in classes if scored else ():
+        if class_name not in scored:
+            raise DatasetError(
+                f"{name}: no column '{_SCORE}{class_name}'; give one for each class, 0 for one never predicted"
+            )
     pose = [column for column in _POSE if column in columns]
     lacking = [column for column in _POSE if column not in columns]
     if pose and lacking:
         raise DatasetError(f"{name}: has {pose[0]} but no {lacking[0]}; a pose needs {', '.join(_POSE)}")
-    known = {*KEYS, *_POSE, *PIXELS, "class", "present", *(f"{_SCORE}{one}" for one in classes)}
+    known = {*KEYS, *_POSE, *PIXELS, "class", "present", *(f"{_SCORE}{class_name}" for class_name in classes)}
     ignored = [column for column in columns if column not in known]
     if not (set(columns) & known) - set(KEYS):
-        guess = next((found for one in ignored if (found := did_you_mean(one, sorted(known)))), "")
+        guess = next((suggestion for column in ignored if (suggestion := did_you_mean(column, sorted(known)))), "")
         raise DatasetError(f"{name}: predicts nothing{guess}; add class, score.<class>, present, a pose or pixels")
     if ignored:
-        guess = next((found for one in ignored if (found := did_you_mean(one, sorted(known - set(columns))))), "")
+        guess = next(
+            (suggestion for column in ignored if (suggestion := did_you_mean(column, sorted(known - set(columns))))), ""
+        )
         warn(f"{name}: ignored: {', '.join(ignored)}{guess}")
 
 
@@ -219,12 +228,12 @@ def _read_numbers(values: Any, column: str, name: str, keys: np.ndarray) -> np.n
 
 def _convert(values: Any, column: str, name: str) -> np.ndarray:
     """Return a column as numbers; an empty cell is NaN."""
-    found = np.asarray(values)
-    if found.ndim != 1:
-        raise DatasetError(f"{name}: {column} has shape {found.shape}; give one number for each frame")
-    if found.dtype.kind in "biuf":
-        return found.astype(float)
-    texts = ["nan" if one is None else str(one).strip() or "nan" for one in found.tolist()]
+    cells = np.asarray(values)
+    if cells.ndim != 1:
+        raise DatasetError(f"{name}: {column} has shape {cells.shape}; give one number for each frame")
+    if cells.dtype.kind in "biuf":
+        return cells.astype(float)
+    texts = ["nan" if cell is None else str(cell).strip() or "nan" for cell in cells.tolist()]
     try:
         return np.array(texts, dtype=float)
     except ValueError:
@@ -243,8 +252,8 @@ def _read_classes(values: Any, classes: Sequence[str], name: str, keys: np.ndarr
     ----------
     keys : (frame, 3) identities of the frames
     """
-    numbers = {one: number for number, one in enumerate(classes)} | {"": -1}
-    words = ["" if one is None else str(one).strip() for one in np.asarray(values).tolist()]
+    numbers = {class_name: number for number, class_name in enumerate(classes)} | {"": -1}
+    words = ["" if cell is None else str(cell).strip() for cell in np.asarray(values).tolist()]
     for word, key in zip(words, keys.tolist(), strict=True):
         if word not in numbers:
             raise DatasetError(

@@ -187,7 +187,7 @@ def describe(card: Scorecard, comparison: Comparison | None = None) -> dict[str,
     comparison : with another algorithm, if any
     """
     truth = card.benchmark.truth
-    made: dict[str, Any] = {
+    report: dict[str, Any] = {
         "schema": 1,
         "rso_lidar": version("rso-lidar"),
         "dataset": card.benchmark.identity,
@@ -202,29 +202,29 @@ def describe(card: Scorecard, comparison: Comparison | None = None) -> dict[str,
             {
                 "name": merit.name, "unit": merit.unit, "better": merit.better, "meaning": merit.meaning,
                 **_describe_value(merit.value), "interval": merit.value.method,
-                "runs": [_plain(one) for one in merit.of_runs], "sd_over_runs": _plain(merit.spread),
+                "runs": [_plain(number) for number in merit.of_runs], "sd_over_runs": _plain(merit.spread),
             }
             for merit in card.merits
         ],
         "bins": [
             {
                 "name": bins.name, "quantity": bins.quantity, "unit": bins.unit, "edges": _plain(bins.edges),
-                "series": {name: [_describe_value(one) for one in values] for name, values in of_series.items()},
+                "series": {name: [_describe_value(figure) for figure in values] for name, values in of_series.items()},
             }
             for bins, of_series in card.binned
         ],
         "confusions": [
             {
-                "quantity": one.quantity, "unit": one.unit, "edges": _plain(one.edges),
-                "classes": list(truth.classes), "counts": one.counts.tolist(),
+                "quantity": confusion.quantity, "unit": confusion.unit, "edges": _plain(confusion.edges),
+                "classes": list(truth.classes), "counts": confusion.counts.tolist(),
             }
-            for one in card.confusions
+            for confusion in card.confusions
         ],
         "curves": {name or "present": _describe_curves(card, name) for name in ("", *truth.classes) if card.curves(name)},
     }  # fmt: skip
     if comparison is not None:
-        made["comparison"] = _describe_comparison(comparison)
-    return made
+        report["comparison"] = _describe_comparison(comparison)
+    return report
 
 
 def write_html(card: Scorecard, comparison: Comparison | None = None, scheme: Scheme = LIGHT) -> str:
@@ -297,17 +297,17 @@ def _describe_value(value: Value) -> dict[str, Any]:
 
 def _describe_curves(card: Scorecard, name: str) -> list[dict[str, Any]]:
     """Return the curves of a class for JSON, thinned to a number of points."""
-    made = []
+    curves = []
     for curve in card.curves(name):
         count = len(curve.recall)
         at = np.unique(np.linspace(0, count - 1, min(count, _MOST_POINTS)).round().astype(int))
-        made.append(
+        curves.append(
             {
                 word: _plain(getattr(curve, word)[at])
                 for word in ("threshold", "precision", "recall", "false_alarm_rate")
             }
         )
-    return made
+    return curves
 
 
 def _describe_comparison(comparison: Comparison) -> dict[str, Any]:
@@ -327,7 +327,7 @@ def _describe_comparison(comparison: Comparison) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     """Return a value as JSON can hold it."""
     if isinstance(value, np.ndarray):
-        return [_plain(one) for one in value.tolist()]
+        return [_plain(number) for number in value.tolist()]
     if not isinstance(value, float) or np.isfinite(value):
         return value
     return None if np.isnan(value) else "inf" if value > 0 else "-inf"

@@ -57,12 +57,12 @@ def list_figures(card: Scorecard) -> list[ScoreFigure]:
     """
     note = describe_frames(card)
     merits = {merit.name: merit.value for merit in card.merits}
-    made: list[ScoreFigure] = []
-    curves = {name: found for name in card.benchmark.truth.classes if (found := card.curves(name))}
+    figures: list[ScoreFigure] = []
+    curves = {name: runs for name in card.benchmark.truth.classes if (runs := card.curves(name))}
     if curves:
         labels = {name: f"{name}   AP {format_interval(merits[f'average_precision.{name}'])}" for name in curves}
-        traces = {name: [(one.recall, one.precision) for one in runs] for name, runs in curves.items()}
-        made.append(
+        traces = {name: [(curve.recall, curve.precision) for curve in runs] for name, runs in curves.items()}
+        figures.append(
             ScoreFigure(
                 "precision_recall", "Precision over recall of each class against the rest (as Fuller et al., fig. 16).",
                 lambda: precision_recall_figure(traces, labels, "Precision and recall by class", note),
@@ -74,9 +74,9 @@ def list_figures(card: Scorecard) -> list[ScoreFigure]:
         groups.setdefault(f"pose_{bins.quantity}" if is_pose else bins.name, []).append((bins, values))
     for group, members in groups.items():
         panels = [_make_panel(bins, values, merits) for bins, values in members]
-        made.append(ScoreFigure(group, _caption(group), _bind(panels, _TITLES[group], note)))
+        figures.append(ScoreFigure(group, _caption(group), _bind(panels, _TITLES[group], note)))
     if card.confusions:
-        made.append(
+        figures.append(
             ScoreFigure(
                 "confusion", "Confusion matrices: over all frames, and in thirds of range and of light. Shares in per cent.",
                 lambda: confusion_figure(
@@ -86,19 +86,19 @@ def list_figures(card: Scorecard) -> list[ScoreFigure]:
         )  # fmt: skip
     detector = card.curves("")
     if detector:
-        precision = [(one.recall, one.precision) for one in detector]
-        detections = [(one.false_alarm_rate, one.recall) for one in detector]
+        precision = [(curve.recall, curve.precision) for curve in detector]
+        detections = [(curve.false_alarm_rate, curve.recall) for curve in detector]
         words = (
             f"AP {format_interval(merits['presence_average_precision'])}",
             f"area {format_interval(merits['presence_roc_area'])}",
         )
-        made.append(
+        figures.append(
             ScoreFigure(
                 "presence", "Whether a target is there: precision over recall, and recall over the rate of false alarms.",
                 lambda: presence_figure(precision, detections, words, "Target present or absent", note),
             )
         )  # fmt: skip
-    return made
+    return figures
 
 
 def draw_comparison(comparison: Comparison) -> Any:
@@ -158,7 +158,8 @@ def _make_panel(bins: Bins, values: Mapping[str, Sequence[Value]], merits: Mappi
     """Make a panel of figures in bins."""
     is_recall = bins.name == "recall"
     series = {
-        name: np.array([(one.value, one.low, one.high) for one in of_series]) for name, of_series in values.items()
+        name: np.array([(figure.value, figure.low, figure.high) for figure in of_series])
+        for name, of_series in values.items()
     }
     mark = None
     if is_recall and bins.quantity == "lit_pixels":
@@ -170,7 +171,7 @@ def _make_panel(bins: Bins, values: Mapping[str, Sequence[Value]], merits: Mappi
         y=_MEASURES[bins.name],
         edges=bins.edges,
         series={ALL: series.pop(ALL), **series} if ALL in series else series,
-        frames=np.array([one.frames for one in first]),
+        frames=np.array([figure.frames for figure in first]),
         is_log=bins.edges[0] > 0 and bins.edges[-1] > _WIDE * bins.edges[0],
         is_share=bins.name in ("recall", "mean_iou", "pose_recall"),
         level=RELIABLE_RECALL if is_recall else None,
@@ -180,14 +181,14 @@ def _make_panel(bins: Bins, values: Mapping[str, Sequence[Value]], merits: Mappi
 
 def _label_matrices(confusions: Sequence[Confusions]) -> list[tuple[str, np.ndarray]]:
     """Return the title and the counts of each confusion matrix."""
-    made = []
-    for one in confusions:
-        if one.quantity == "all":
-            made.append(("All frames", one.counts[0]))
+    matrices = []
+    for confusion in confusions:
+        if confusion.quantity == "all":
+            matrices.append(("All frames", confusion.counts[0]))
             continue
-        word, unit = ("Range", " m") if one.quantity == "range" else ("Photons", "")
-        made += [
+        word, unit = ("Range", " m") if confusion.quantity == "range" else ("Photons", "")
+        matrices += [
             (f"{word} {low:,.0f} to {high:,.0f}{unit}", counts)
-            for low, high, counts in zip(one.edges[:-1], one.edges[1:], one.counts, strict=True)
+            for low, high, counts in zip(confusion.edges[:-1], confusion.edges[1:], confusion.counts, strict=True)
         ]
-    return made
+    return matrices

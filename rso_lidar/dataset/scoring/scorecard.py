@@ -157,14 +157,14 @@ class Scorecard:
     @cached_property
     def binned(self) -> tuple[tuple[Bins, dict[str, tuple[Value, ...]]], ...]:
         """Figures in bins with their intervals, by series."""
-        made = []
+        binned = []
         for number, bins in enumerate(self.runs[0].bins):
             of_series = {}
             for name in bins.series:
                 statistics = [run.bins[number].series[name] for run in self.runs]
                 of_series[name] = self._join(statistics)
-            made.append((bins, of_series))
-        return tuple(made)
+            binned.append((bins, of_series))
+        return tuple(binned)
 
     def _join(self, statistics: Sequence[Sequence[Statistic]]) -> tuple[Value, ...]:
         """Return the mean over runs of statistics (run, statistic) with intervals over encounters."""
@@ -173,11 +173,11 @@ class Scorecard:
             return find_values(statistics[0], encounters, self.replicates, self.confidence)
         values = np.stack([evaluate_all(of_run, encounters) for of_run in statistics]).mean(axis=0)
         drawn = np.stack([replicate(of_run, encounters, self.replicates) for of_run in statistics]).mean(axis=0)
-        made = []
-        for one, value, row in zip(statistics[0], values.tolist(), drawn, strict=True):
-            frames, some = one.count()
-            made.append(Value(value, *bootstrap_interval(row, some, self.confidence), frames, some))
-        return tuple(made)
+        joined_values = []
+        for statistic, value, row in zip(statistics[0], values.tolist(), drawn, strict=True):
+            frames, some = statistic.count()
+            joined_values.append(Value(value, *bootstrap_interval(row, some, self.confidence), frames, some))
+        return tuple(joined_values)
 
     @cached_property
     def confusions(self) -> tuple[Confusions, ...]:
@@ -186,8 +186,13 @@ class Scorecard:
         if not tasks:
             return ()
         return tuple(
-            Confusions(one.quantity, one.unit, one.edges, sum(task.confusions[k].counts for task in tasks))  # type: ignore[arg-type]
-            for k, one in enumerate(tasks[0].confusions)
+            Confusions(
+                confusion.quantity,
+                confusion.unit,
+                confusion.edges,
+                sum(task.confusions[k].counts for task in tasks),  # type: ignore[arg-type]
+            )
+            for k, confusion in enumerate(tasks[0].confusions)
         )
 
     def curves(self, name: str) -> list[RankingCurve]:
@@ -197,13 +202,13 @@ class Scorecard:
         ----------
         name : of a class; empty for presence
         """
-        found = []
+        curves = []
         for run in self.runs:
             if not name and run.presence is not None:
-                found.append(run.presence.curve)
+                curves.append(run.presence.curve)
             elif name and run.classification is not None and name in run.classification.curves:
-                found.append(run.classification.curves[name])
-        return found
+                curves.append(run.classification.curves[name])
+        return curves
 
 
 def score_run(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) -> RunScores:
@@ -287,8 +292,8 @@ def _score_ranges(predictions: Predictions, rows: np.ndarray, benchmark: Benchma
     for at, arrays in _read_blocks(benchmark, names):
         for name in names:
             true = arrays[name]
-            found = _take_pixels(predictions, name, rows[at], true.shape[1:], np.nan)
-            (errors.add if name == "oversampled_range_m" else errors.add_photons)(at, found, true)
+            predicted = _take_pixels(predictions, name, rows[at], true.shape[1:], np.nan)
+            (errors.add if name == "oversampled_range_m" else errors.add_photons)(at, predicted, true)
     return score_ranges(benchmark.truth, errors)
 
 

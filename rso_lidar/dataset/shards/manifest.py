@@ -50,17 +50,17 @@ def read_manifest(folder: Path, dataset: str) -> dict[str, ShardRecord]:
         return {}
     except OSError as error:
         raise DatasetError(f"{place}: cannot be read ({error.strerror}); check the folder") from None
-    found: dict[str, ShardRecord] = {}
+    records: dict[str, ShardRecord] = {}
     for number, line in enumerate(lines[:-1], 1):
         try:
             record = json.loads(line)
             of = record.pop("dataset")
-            found[record["path"]] = _check_record(ShardRecord(**record))
+            records[record["path"]] = _check_record(ShardRecord(**record))
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             raise DatasetError(f"{place}: line {number} is damaged; delete the line, and make with --resume") from None
         if of != dataset:
             raise DatasetError(f"{place}: line {number} belongs to another dataset; choose another folder")
-    return found
+    return records
 
 
 def _check_record(record: ShardRecord) -> ShardRecord:

@@ -59,9 +59,9 @@ def write_constants(folder: Path, constants: Constants) -> None:
             for name in constants.sensors:
                 group = file.create_group(f"sensors/{name}")
                 group.attrs["lidar"] = constants.lidars[name]
-                made = group.create_dataset("line_of_sight", data=constants.line_of_sight[name].astype("f8"))
-                made.attrs["units"], made.attrs["dims"] = "1", "row col xyz"
-                made.attrs["long_name"] = "unit vector of each pixel's centre in lidar axes"
+                array = group.create_dataset("line_of_sight", data=constants.line_of_sight[name].astype("f8"))
+                array.attrs["units"], array.attrs["dims"] = "1", "row col xyz"
+                array.attrs["long_name"] = "unit vector of each pixel's centre in lidar axes"
         write_text(folder / SENSOR_HASH, f"{hash_file(draft)}  {SENSOR_FILE}\n", overwrite=True)
 
 
@@ -131,10 +131,10 @@ def _check_hash(folder: Path) -> None:
     except OSError as error:
         raise DatasetError(f"{folder / SENSOR_HASH}: cannot be read ({error.strerror}); check the folder") from None
     try:
-        found = hash_file(place)
+        sha256 = hash_file(place)
     except OSError as error:
         raise DatasetError(f"{place}: cannot be read ({error.strerror}); check the folder") from None
-    if stated != found.encode():
+    if stated != sha256.encode():
         raise DatasetError(
             f"{place}: is damaged: it differs from its hash in {SENSOR_HASH}; delete it, and make with --resume"
         )

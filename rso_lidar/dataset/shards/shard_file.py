@@ -52,7 +52,7 @@ def write_shard(
                 if entries[0] is not None:
                     _write_array(file, name, entries)
             for name in names:
-                values = np.array([one.get(name, np.nan) for one in variables], float)
+                values = np.array([variable.get(name, np.nan) for variable in variables], float)
                 _write_array(file, VARIABLE_PREFIX + name, list(values))
         with draft.open("rb") as written:  # before the rename, so that a crash of the machine leaves no partial shard
             os.fsync(written.fileno())
@@ -100,7 +100,7 @@ def open_shard(path: Path, dataset: str | None, cache_bytes: int = sys.maxsize) 
         check_regular(path, sys.maxsize, DatasetError, "shard")
     try:
         file = open_checked(path, cache_bytes=cache_bytes)
-        found = None if dataset is None else file.attrs.get("dataset_sha256")
+        sha256 = None if dataset is None else file.attrs.get("dataset_sha256")
     except FileNotFoundError:
         raise DatasetError(f"{path}: the shard is missing; run `rso-lidar dataset make` again with --resume") from None
     except (OSError, KeyError, ValueError, RuntimeError) as error:  # h5py raises any of them
@@ -109,7 +109,7 @@ def open_shard(path: Path, dataset: str | None, cache_bytes: int = sys.maxsize) 
         raise DatasetError(
             f"{path}: is not a readable shard ({' '.join(str(error).split()):.120}); delete it and make the dataset again"
         ) from None
-    if found != dataset:
+    if sha256 != dataset:
         file.close()
         raise DatasetError(f"{path}: belongs to another dataset; move it away")
     return file

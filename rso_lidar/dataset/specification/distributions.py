@@ -32,9 +32,9 @@ def _list_bounds(low: Bound, high: Bound) -> tuple[np.ndarray, np.ndarray]:
     lows, highs = np.atleast_1d(np.array(low, float)), np.atleast_1d(np.array(high, float))
     if len(lows) != len(highs):
         raise ValueError(f"low has {len(lows)} components and high {len(highs)}; give one bound of each for each")
-    for one, other in zip(lows.tolist(), highs.tolist(), strict=True):
-        if one >= other:
-            raise ValueError(f"low ({one:g}) is not below high ({other:g}); exchange the two")
+    for lower, upper in zip(lows.tolist(), highs.tolist(), strict=True):
+        if lower >= upper:
+            raise ValueError(f"low ({lower:g}) is not below high ({upper:g}); exchange the two")
     return lows, highs
 
 
@@ -47,7 +47,7 @@ def _check_positive(low: Bound, high: Bound, name: str) -> None:
 
 def _shorten(values: np.ndarray) -> list[float]:
     """Return values with the 12 digits that a TOML text shows."""
-    return [float(f"{one:.12g}") for one in values.tolist()]
+    return [float(f"{value:.12g}") for value in values.tolist()]
 
 
 class _Law(Part):
@@ -300,9 +300,9 @@ def check_components(law: Any, count: int, place: str) -> None:
     """
     drawn = law.values if isinstance(law, Choice) else (law.at(np.full(law.dimensions, 0.5)),)
     for value in drawn:
-        found = len(value) if isinstance(value, list | tuple) else 1
+        length = len(value) if isinstance(value, list | tuple) else 1
         numbers = value if isinstance(value, list | tuple) else [value]
-        if found != count or any(type(one) not in (int, float) or not math.isfinite(one) for one in numbers):
+        if length != count or any(type(number) not in (int, float) or not math.isfinite(number) for number in numbers):
             needs = "a number" if count == 1 else f"{count} numbers"
             raise ScenarioError(f"{place}: draws {value!r:.60}, and the field needs {needs}; choose another law")
 

@@ -93,7 +93,7 @@ class DatasetSpec(FilePart):
     @property
     def n_samples(self) -> int:
         """Number of samples of all classes."""
-        return sum(one.samples for one in self.classes)
+        return sum(target_class.samples for target_class in self.classes)
 
     @property
     def frames_per_sample(self) -> int:
@@ -109,19 +109,21 @@ class DatasetSpec(FilePart):
     def draws_detector(self) -> bool:
         """Whether nearly every sample has another detector or pulse, so that a table of one serves no other."""
         return any(
-            one.field.startswith(_MEASURED) and one.field not in _UNMEASURED and not _has_few_values(one.law)
-            for one in self.variable
+            variable.field.startswith(_MEASURED)
+            and variable.field not in _UNMEASURED
+            and not _has_few_values(variable.law)
+            for variable in self.variable
         )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        _check_names("classes", [one.name for one in self.classes])
-        _check_names("sensor", [one.name for one in self.sensor])
+        _check_names("classes", [target_class.name for target_class in self.classes])
+        _check_names("sensor", [sensor.name for sensor in self.sensor])
         if self.n_samples > MOST_SAMPLES:
             raise ValueError(f"classes: {self.n_samples:,} samples are over {MOST_SAMPLES:,}; divide the dataset")
-        if all(one.empty for one in self.classes):
+        if all(target_class.empty for target_class in self.classes):
             raise ValueError("classes: all are empty, so no frame would hold a target; add a class with models")
-        known = [one.name for one in self.classes]
+        known = [target_class.name for target_class in self.classes]
         for k, drawn in enumerate(self.variable):
             for name in drawn.classes:
                 if name not in known:
@@ -135,11 +137,13 @@ class DatasetSpec(FilePart):
 
     def _check_split(self) -> None:
         if isinstance(self.split, SensorSplit):
-            _check_split_names(self.split, [one.name for one in self.sensor], "sensor")
+            _check_split_names(self.split, [sensor.name for sensor in self.sensor], "sensor")
         if isinstance(self.split, ModelSplit):
-            for one in self.classes:
-                if one.empty:
-                    raise ValueError(f"split: class '{one.name}' has no model to split by; take the type random")
+            for target_class in self.classes:
+                if target_class.empty:
+                    raise ValueError(
+                        f"split: class '{target_class.name}' has no model to split by; take the type random"
+                    )
 
 
 def _has_few_values(law: Law) -> bool:
@@ -194,8 +198,8 @@ def check_model_split(spec: DatasetSpec, models: list[tuple[str, ...]]) -> None:
         _check_split_names(spec.split, sorted({name for names in models for name in names}), "model")
     except ValueError as error:
         raise DatasetError(f"{spec.where}: {error}") from None
-    for one, names in zip(spec.classes, models, strict=True):
+    for target_class, names in zip(spec.classes, models, strict=True):
         if {*names} <= {*spec.split.val, *spec.split.test}:
             raise DatasetError(
-                f"{spec.where}: split: class '{one.name}' has no model left to train on; give it another model"
+                f"{spec.where}: split: class '{target_class.name}' has no model left to train on; give it another model"
             )

@@ -96,8 +96,8 @@ class RedrawNoise:
         at, light = lit[again], light[again]
         seen = light + other * np.sqrt(self.noise_photons**2 + self.excess * light)
         range_m.reshape(-1)[at] = true_m[again] + spread_m[again] * normal
-        found = _count_by_light(photons[mine], counts, np.maximum(seen, 0.0))
-        intensity.reshape(-1)[at] = np.clip(np.rint(found), 1, 65_535)
+        new_counts = _count_by_light(photons[mine], counts, np.maximum(seen, 0.0))
+        intensity.reshape(-1)[at] = np.clip(np.rint(new_counts), 1, 65_535)
         saturated.reshape(-1)[at] = light >= full
         return frame | now | {"range_m": range_m, "intensity_counts": intensity, "saturated": saturated}
 
@@ -119,13 +119,13 @@ def _count_by_light(photons: np.ndarray, counts: np.ndarray, wanted: np.ndarray)
     size = np.diff(np.append(edges, len(order)))
     level = np.add.reduceat(photons[order].astype(float), edges) / size
     mean = np.add.reduceat(counts[order].astype(float), edges) / size
-    found = np.interp(wanted, level, mean)
+    new_counts = np.interp(wanted, level, mean)
     dim, bright = wanted < level[0], wanted > level[-1]
-    found[dim] = mean[0] * wanted[dim] / level[0]
-    found[bright] = mean[-1] * wanted[bright] / level[-1]
+    new_counts[dim] = mean[0] * wanted[dim] / level[0]
+    new_counts[bright] = mean[-1] * wanted[bright] / level[-1]
     if len(photons) > _BIN:
-        found = np.minimum(found, max(float(counts.max()), 1.0))
-    return np.asarray(found)
+        new_counts = np.minimum(new_counts, max(float(counts.max()), 1.0))
+    return np.asarray(new_counts)
 
 
 @dataclass(frozen=True)
@@ -179,11 +179,11 @@ class LowerEnergy:
 
         own = np.flatnonzero(split.column("sensor_id") == sensor)
         own = own[:: max(len(own) // frames, 1)]
-        found = split.read(own, ("photons", "detection_probability", "range_sigma_m")) if len(own) else {}
-        lit = np.isfinite(found["range_sigma_m"]) & (found["photons"] > 0.0) if found else np.zeros(0, bool)
+        arrays = split.read(own, ("photons", "detection_probability", "range_sigma_m")) if len(own) else {}
+        lit = np.isfinite(arrays["range_sigma_m"]) & (arrays["photons"] > 0.0) if arrays else np.zeros(0, bool)
         if not lit.any():
             raise DatasetError(f"{split!r}: no frame of sensor {sensor} has light; choose another sensor")
-        photons, probability, sigma_m = (found[name][lit].astype(float) for name in found)
+        photons, probability, sigma_m = (arrays[name][lit].astype(float) for name in arrays)
         level = np.floor(np.log2(photons) * 4.0).astype(np.int64)
         kinds, of = np.unique(level, return_inverse=True)
         count = np.bincount(of)

@@ -87,18 +87,19 @@ class FrameDataset:
         self.augmentations = _list_changes(augmentations, "augmentations")
         self.transforms = _list_changes(transforms, "transforms")
         changes = (*self.augmentations, *self.transforms)
-        made = {name for one in changes for name in getattr(one, "makes", ())}
-        self._adds_any = not all(hasattr(one, "needs") for one in changes)  # plain functions do not state what they add
-        needed = [name for one in changes for name in getattr(one, "needs", ())]
-        self._read = tuple(dict.fromkeys(name for name in (*self.fields, *needed) if name not in made))
-        self._given = tuple(dict.fromkeys((*self.fields, *sorted(made))))
+        produced = {name for change in changes for name in getattr(change, "makes", ())}
+        # Plain functions do not state what they add.
+        self._adds_any = not all(hasattr(change, "needs") for change in changes)
+        needed = [name for change in changes for name in getattr(change, "needs", ())]
+        self._read = tuple(dict.fromkeys(name for name in (*self.fields, *needed) if name not in produced))
+        self._given = tuple(dict.fromkeys((*self.fields, *sorted(produced))))
         for name in self._read:
             if name not in split.names:
                 raise DatasetError(
                     f"{split!r}: has no array '{name}'{did_you_mean(name, split.names)} (known: {', '.join(split.names)})"
                 )
-        for one in self.augmentations:
-            check = getattr(one, "check_fields", None)
+        for augmentation in self.augmentations:
+            check = getattr(augmentation, "check_fields", None)
             if check is not None:
                 check(self._read)
 
@@ -115,7 +116,7 @@ class FrameDataset:
 
     def __getitems__(self, indices: Sequence[int | Visit]) -> list[dict[str, np.ndarray]]:
         """Return a batch of frames; a data loader of PyTorch calls this method."""
-        rows = [one.frame if isinstance(one, Visit) else int(one) for one in indices]
+        rows = [visit.frame if isinstance(visit, Visit) else int(visit) for visit in indices]
         arrays = self.split.read(rows, self._read)
         frames = [{name: values[k] for name, values in arrays.items()} for k in range(len(rows))]
         if not self.augmentations and not self.transforms:
@@ -167,18 +168,18 @@ def _list_changes(changes: Any, place: str) -> tuple[Any, ...]:
     if callable(changes) or not isinstance(changes, Iterable):
         raise DatasetError(f"{place}: is {changes!r:.60}; give a list of functions or of objects such as CropReturns()")
     listed = tuple(changes)
-    for k, one in enumerate(listed):
-        if isinstance(one, type):
+    for k, change in enumerate(listed):
+        if isinstance(change, type):
             raise DatasetError(
-                f"{place}[{k}]: is the class {one.__name__}; give an object of it, such as {one.__name__}()"
+                f"{place}[{k}]: is the class {change.__name__}; give an object of it, such as {change.__name__}()"
             )
-        if not callable(one):
+        if not callable(change):
             raise DatasetError(
-                f"{place}[{k}]: is {one!r:.60}, which is no function; give one that takes a frame, a dict of arrays, and "
+                f"{place}[{k}]: is {change!r:.60}, which is no function; give one that takes a frame, a dict of arrays, and "
                 "returns it"
             )
         for key in ("needs", "makes"):
-            names = getattr(one, key, ())
+            names = getattr(change, key, ())
             if isinstance(names, str) or not all(isinstance(name, str) for name in names):
                 raise DatasetError(f"{place}[{k}]: its {key} is {names!r:.60}; give a tuple of names of arrays")
     return listed

@@ -126,8 +126,8 @@ def find_returns(range_m: np.ndarray, depth_m: float) -> tuple[np.ndarray, np.nd
     row, column and range [m] of each return.
     """
     row, col = np.nonzero(np.isfinite(range_m))
-    found = range_m[row, col]
-    if len(found):
-        near = np.abs(found - np.median(found)) <= depth_m
-        row, col, found = row[near], col[near], found[near]
-    return row, col, found
+    returns_m = range_m[row, col]
+    if len(returns_m):
+        near = np.abs(returns_m - np.median(returns_m)) <= depth_m
+        row, col, returns_m = row[near], col[near], returns_m[near]
+    return row, col, returns_m

@@ -64,13 +64,13 @@ def _fit_model(line_of_sight: np.ndarray, terms: int) -> Camera:
     few = np.ix_(*(np.unique(np.linspace(0, n - 1, min(n, _SIDE)).round().astype(int)) for n in (n_rows, n_cols)))
     equations, wanted = [], []
     for axis in (0, 1):
-        at_centre = [np.full(x[few].shape, float(axis == one)) for one in (0, 1)]
+        at_centre = [np.full(x[few].shape, float(axis == centre_axis)) for centre_axis in (0, 1)]
         equations.append(
             np.stack([*(column[few] for column in basis[axis]), *at_centre], axis=-1).reshape(-1, terms + 2)
         )
         wanted.append(pixel[axis][few].ravel())
-    found = np.linalg.lstsq(np.concatenate(equations), np.concatenate(wanted), rcond=1e-14)[0]
-    factors, centre = found[:terms].tolist(), (float(found[-2]), float(found[-1]))
+    solution = np.linalg.lstsq(np.concatenate(equations), np.concatenate(wanted), rcond=1e-14)[0]
+    factors, centre = solution[:terms].tolist(), (float(solution[-2]), float(solution[-1]))
     errors = [
         sum(f * column for f, column in zip(factors, basis[axis], strict=True)) + centre[axis] - pixel[axis]
         for axis in (0, 1)

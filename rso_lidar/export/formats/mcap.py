@@ -73,8 +73,8 @@ class RosStream:
         self._sight, self.camera = first.line_of_sight, fit_camera(first.line_of_sight)
         self._sensors = list_topics(first)
         self._mounts = make_mounts(self._sensors, first.source)
-        self.kinds = TOPICS | {one.topic: one.kind for one in self._sensors}
-        self.definitions = DEFINITIONS | {one.kind: one.definition for one in self._sensors if one.definition}
+        self.kinds = TOPICS | {topic.topic: topic.kind for topic in self._sensors}
+        self.definitions = DEFINITIONS | {topic.kind: topic.definition for topic in self._sensors if topic.definition}
 
     def convert_frame(self, frame: Frame) -> Iterator[tuple[str, dict[str, Any], int]]:
         """Yield topic, message and time of each message of a frame, without the samples of other sensors."""
@@ -86,9 +86,13 @@ class RosStream:
 
     def convert_samples(self, samples: Mapping[str, SensorSamples]) -> Iterator[tuple[str, dict[str, Any], int]]:
         """Yield topic, message and time of each sample, in the order in which they become available."""
-        for available_s, time_s, one, body in list_samples(self._sensors, samples):
+        for available_s, time_s, topic, body in list_samples(self._sensors, samples):
             stamp = to_ros_time(self.to_stamp_ns(time_s))
-            yield one.topic, {"header": {"stamp": stamp, "frame_id": one.axes}} | body, self.to_stamp_ns(available_s)
+            yield (
+                topic.topic,
+                {"header": {"stamp": stamp, "frame_id": topic.axes}} | body,
+                self.to_stamp_ns(available_s),
+            )
 
     def to_stamp_ns(self, time_s: float) -> int:
         """Return an instant [s since start_utc] as a stamp [ns since 1970]."""
@@ -173,9 +177,9 @@ def _check_file(place: Path, draft: Path, messages: int) -> None:
             summary = make_reader(file, validate_crcs=True).get_summary()
     except (McapError, ValueError, struct.error) as error:
         raise RunError(f"{place}: not written: the file cannot be read back ({error}); run again") from error
-    found = summary.statistics.message_count if summary and summary.statistics else 0
-    if found != messages:
-        raise RunError(f"{place}: not written: the file has {found} of {messages} messages; run again")
+    count = summary.statistics.message_count if summary and summary.statistics else 0
+    if count != messages:
+        raise RunError(f"{place}: not written: the file has {count} of {messages} messages; run again")
 
 
 def _provenance(source: Source, camera: Camera) -> dict[str, str]:
@@ -253,15 +257,15 @@ def _image(size: dict[str, Any], encoding: str, values: np.ndarray) -> dict[str,
 
 def _transforms(frame: Frame, stamp: dict[str, int]) -> list[dict[str, Any]]:
     """Return the pose of each set of axes in its parent."""
-    poses, made = frame.truth.poses, []
+    poses, transforms = frame.truth.poses, []
     for name, link in poses.items():
         x, y, z = link.translation_m.tolist()
         turn = dict(zip("xyzw", quaternion_xyzw(link.rotation).tolist(), strict=True))
-        made.append(
+        transforms.append(
             {
                 "header": {"stamp": stamp, "frame_id": poses.parent(name)},
                 "child_frame_id": name,
                 "transform": {"translation": {"x": x, "y": y, "z": z}, "rotation": turn},
             }
         )
-    return made
+    return transforms

@@ -39,10 +39,10 @@ def write_npz(
     """
     place = check_writable(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
-    found = list_variables(first)
-    each = count_frame_bytes(found)
+    variables = list_variables(first)
+    each = count_frame_bytes(variables)
     total = each * len(frames) if isinstance(frames, Sized) else 0
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in found}
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in variables}
     lenses = LensNumbers()
     numbers: list[int] = []
     tables: list[np.ndarray] = []
@@ -53,18 +53,18 @@ def write_npz(
                 f"{place}: more than {most_bytes / 1e9:.3g} GB of arrays are too much for one NPZ, which is read as a "
                 "whole; write .h5 or .zarr, or choose fewer frames"
             )
-        for name, value in match_entries(place, frame, first, found).items():
+        for name, value in match_entries(place, frame, first, variables).items():
             columns[name].append(value)
         numbers.append(lenses.number(frame.line_of_sight))
         if len(lenses) > len(tables):
             tables.append(np.asarray(frame.line_of_sight))
-    joins = {name: np.concatenate if variable.is_series else np.stack for name, variable in found.items()}
-    arrays = {name: joins[name](columns.pop(name)) for name in found}
+    joins = {name: np.concatenate if variable.is_series else np.stack for name, variable in variables.items()}
+    arrays = {name: joins[name](columns.pop(name)) for name in variables}
     if len(lenses) > 1:
         arrays["lens"] = np.array(numbers, LENS.dtype)
     arrays["line_of_sight"] = np.stack(tables) if len(lenses) > 1 else tables[0]
     arrays["attributes"] = np.array(
-        json.dumps(_describe_arrays(first, found, changing=len(lenses) > 1), ensure_ascii=False)
+        json.dumps(_describe_arrays(first, variables, changing=len(lenses) > 1), ensure_ascii=False)
     )
     with write_atomically(place) as draft, draft.open("wb") as stream:
         write: Callable[..., None] = np.savez_compressed
@@ -86,7 +86,7 @@ def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
         raise RunError(f"{place}: not written: the file cannot be read back ({wrong}); run again")
 
 
-def _describe_arrays(first: Frame, found: dict[str, Variable], *, changing: bool) -> dict[str, Any]:
+def _describe_arrays(first: Frame, variables: dict[str, Variable], *, changing: bool) -> dict[str, Any]:
     """Return the attributes of each array and of the recording, by name, ready for JSON.
 
     Parameters
@@ -100,7 +100,7 @@ def _describe_arrays(first: Frame, found: dict[str, Variable], *, changing: bool
         | {"tree": get_parents(first), "states": list(first.truth.states)}
     )
     described: dict[str, Any] = {"/": {**to_json(root), "targets": json.loads(root["targets"]), "seed": source.seed}}
-    for name, variable in found.items():
+    for name, variable in variables.items():
         dims = [*["time"] * (not variable.is_series), *variable.spec.dims]
         described[name] = to_json(get_array_attributes(variable, source)) | {"dims": dims}
     sight = specs(Observation)["line_of_sight"]

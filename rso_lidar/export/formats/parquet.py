@@ -56,7 +56,7 @@ def write_parquet(place: Path, table: Mapping[str, np.ndarray], metadata: Mappin
     import pyarrow.parquet
 
     columns: dict[str, Any] = {name: pyarrow.array(values.tolist()) for name, values in table.items()}
-    made = pyarrow.table(columns).replace_schema_metadata(dict(metadata))
+    arrow_table = pyarrow.table(columns).replace_schema_metadata(dict(metadata))
     with write_atomically(place) as draft:
-        pyarrow.parquet.write_table(made, draft)
+        pyarrow.parquet.write_table(arrow_table, draft)
     return place

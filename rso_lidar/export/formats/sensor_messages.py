@@ -64,17 +64,17 @@ def list_topics(first: Frame) -> list[SensorTopic]:
         If two sensors would have the same topic.
     """
     sensors, tables = first.observation.sensors, _read_tables(first.source)
-    found: list[SensorTopic] = []
+    sensor_topics: list[SensorTopic] = []
     joined: set[str] = set()
     for name, samples in sensors.items():
         if name not in joined:
             partner = _find_accelerometer(name, sensors, tables, joined) if isinstance(samples, GyroSamples) else None
             joined |= {partner} if partner else set()
-            found += _make_topics(name, samples, partner, tables.get(name, {}))
-    topics = [one.topic for one in found]
+            sensor_topics += _make_topics(name, samples, partner, tables.get(name, {}))
+    topics = [sensor_topic.topic for sensor_topic in sensor_topics]
     if twice := [topic for topic in topics if topics.count(topic) > 1]:
         raise RecordingError(f"sensors: two have the topic {twice[0]} in ROS; rename one")
-    return found
+    return sensor_topics
 
 
 def _read_tables(source: Source) -> dict[str, dict[str, Any]]:
@@ -132,16 +132,16 @@ def name_axes(name: str) -> str:
 
 def make_mounts(topics: Sequence[SensorTopic], source: Source) -> list[dict[str, Any]]:
     """Return the pose of each inertial sensor in the follower's axes, as transforms without a stamp."""
-    tables, made = _read_tables(source), []
-    for one in topics:
-        table = tables.get(one.sensors[0])
-        if one.kind == IMU and table is not None:
+    tables, mounts = _read_tables(source), []
+    for topic in topics:
+        table = tables.get(topic.sensors[0])
+        if topic.kind == IMU and table is not None:
             mount = table.get("mount", {})
             place = mount.get("position_m", (0.0, 0.0, 0.0))
             rotation = build_rotation(mount.get("quaternion_xyzw"), mount.get("euler_zyx_deg"))
             transform = {"translation": _xyz(place), "rotation": _xyz(quaternion_xyzw(rotation))}
-            made.append({"child_frame_id": one.axes, "transform": transform})
-    return made
+            mounts.append({"child_frame_id": topic.axes, "transform": transform})
+    return mounts
 
 
 def list_samples(
@@ -154,13 +154,13 @@ def list_samples(
     Of each message the instant at which the sample becomes available, that at which it holds [s], its topic, and what it
     holds beside its header.
     """
-    found = []
-    for one in topics:
-        samples = [sensors[name] for name in one.sensors]
+    messages = []
+    for topic in topics:
+        samples = [sensors[name] for name in topic.sensors]
         for k, (time_s, available_s) in enumerate(zip(samples[0].time_s, samples[0].available_s, strict=True)):
-            if (body := one.body(samples, k)) is not None:
-                found.append((float(available_s), float(time_s), one, body))
-    return sorted(found, key=lambda made: made[:2])
+            if (body := topic.body(samples, k)) is not None:
+                messages.append((float(available_s), float(time_s), topic, body))
+    return sorted(messages, key=lambda message: message[:2])
 
 
 # ------------------------------------------------------------------------------------------------------- the inside
@@ -168,17 +168,20 @@ def list_samples(
 
 def _make_imu(samples: Sequence[SensorSamples], k: int) -> dict[str, Any] | None:
     """Return an Imu message without orientation; what was not measured has covariance[0] = -1."""
-    made = {"orientation": _IDENTITY, "orientation_covariance": _ABSENT}
-    made |= {"angular_velocity": _xyz((0.0, 0.0, 0.0)), "angular_velocity_covariance": _ABSENT}
-    made |= {"linear_acceleration": _xyz((0.0, 0.0, 0.0)), "linear_acceleration_covariance": _ABSENT}
-    valid = [one for one in samples if one.valid[k]]
-    for one in valid:
-        if isinstance(one, GyroSamples):
-            made |= {"angular_velocity": _xyz(one.angular_velocity_rad_s[k]), "angular_velocity_covariance": _UNKNOWN}
-        elif isinstance(one, AccelerometerSamples):
-            made |= {"linear_acceleration": _xyz(one.specific_force_m_s2[k])}
-            made |= {"linear_acceleration_covariance": _UNKNOWN}
-    return made if valid else None
+    message = {"orientation": _IDENTITY, "orientation_covariance": _ABSENT}
+    message |= {"angular_velocity": _xyz((0.0, 0.0, 0.0)), "angular_velocity_covariance": _ABSENT}
+    message |= {"linear_acceleration": _xyz((0.0, 0.0, 0.0)), "linear_acceleration_covariance": _ABSENT}
+    valid = [record for record in samples if record.valid[k]]
+    for record in valid:
+        if isinstance(record, GyroSamples):
+            message |= {
+                "angular_velocity": _xyz(record.angular_velocity_rad_s[k]),
+                "angular_velocity_covariance": _UNKNOWN,
+            }
+        elif isinstance(record, AccelerometerSamples):
+            message |= {"linear_acceleration": _xyz(record.specific_force_m_s2[k])}
+            message |= {"linear_acceleration_covariance": _UNKNOWN}
+    return message if valid else None
 
 
 def _vector_maker(name: str, field: str) -> Body:
@@ -206,9 +209,9 @@ def _count_wheels(wheels: WheelSamples) -> tuple[int, int]:
 
 def _make_own(samples: Sequence[SensorSamples], k: int) -> dict[str, Any]:
     """Return a message with the fields of the record, each flattened."""
-    one = samples[0]
-    made: dict[str, Any] = {"valid": bool(one.valid[k])}
-    return made | {name: np.ravel(getattr(one, field)[k]).tolist() for field, name in _own_fields(one).items()}
+    record = samples[0]
+    message: dict[str, Any] = {"valid": bool(record.valid[k])}
+    return message | {name: np.ravel(getattr(record, field)[k]).tolist() for field, name in _own_fields(record).items()}
 
 
 def _define(samples: SensorSamples) -> tuple[str, str]:

@@ -133,9 +133,14 @@ def write_table(
     check_parquet(place)
     source, frames = peek_source(place, frames)
     tables = list(_tabulate(place, frames, source, sensor, utc))
-    table = {name: np.concatenate([one[name] for one in tables]) for name in tables[0]}
-    told = {"title": source.title, "start_utc": source.start_utc, "scenario": source.scenario, "seed": str(source.seed)}
-    return write_parquet(place, table, told | ({"sensor": sensor} if sensor else {}))
+    table = {name: np.concatenate([columns[name] for columns in tables]) for name in tables[0]}
+    metadata = {
+        "title": source.title,
+        "start_utc": source.start_utc,
+        "scenario": source.scenario,
+        "seed": str(source.seed),
+    }
+    return write_parquet(place, table, metadata | ({"sensor": sensor} if sensor else {}))
 
 
 def _tabulate(

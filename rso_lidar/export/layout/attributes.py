@@ -41,13 +41,13 @@ def get_array_attributes(variable: Variable, source: Source) -> dict[str, Any]:
     """Return the CF attributes of a dataset that grows by one entry per frame."""
     if variable.path == "time":
         return dict(get_time_attributes(source.start_utc))
-    found: dict[str, Any] = {"units": variable.spec.unit, "long_name": variable.spec.meaning}
+    attributes: dict[str, Any] = {"units": variable.spec.unit, "long_name": variable.spec.meaning}
     if variable.is_series and variable.path.rpartition("/")[2] in sensor_samples.TIMES:
-        found |= {name: get_time_attributes(source.start_utc)[name] for name in _TIME_LINE}
+        attributes |= {name: get_time_attributes(source.start_utc)[name] for name in _TIME_LINE}
     if variable.path == "labels/target" and source.targets:
-        found["flag_values"] = np.arange(len(source.targets), dtype=variable.spec.dtype)
-        found["flag_meanings"] = " ".join(target.name for target in source.targets)
-    return found
+        attributes["flag_values"] = np.arange(len(source.targets), dtype=variable.spec.dtype)
+        attributes["flag_meanings"] = " ".join(target.name for target in source.targets)
+    return attributes
 
 
 def get_sensor_attributes(frame: Frame) -> dict[str, str]:
@@ -60,8 +60,8 @@ def get_group_attributes(frame: Frame) -> dict[str, dict[str, str]]:
     """Return the attributes of the groups of sensors, by path."""
     described = sensor_samples.describe_sensors(frame.observation.sensors)
     return {
-        f"{sensor_samples.GROUP}/{name}": {"record": one["record"], "long_name": one["about"]}
-        for name, one in described.items()
+        f"{sensor_samples.GROUP}/{name}": {"record": entry["record"], "long_name": entry["about"]}
+        for name, entry in described.items()
     }
 
 

@@ -83,7 +83,9 @@ def compute_lookup3(data: bytes | bytearray) -> int:
     a = b = c = (0xDEADBEEF + len(data)) & _MASK
     whole = max((len(data) - 1) // 12, 0) * 12
     for at in range(0, whole, 12):
-        a, b, c = ((one + word) & _MASK for one, word in zip((a, b, c), _read_words(data[at : at + 12]), strict=True))
+        a, b, c = (
+            (state + word) & _MASK for state, word in zip((a, b, c), _read_words(data[at : at + 12]), strict=True)
+        )
         for turn_a, turn_b, turn_c in ((4, 6, 8), (16, 19, 4)):
             a = ((a - c) ^ _rotate(c, turn_a)) & _MASK
             c = (c + b) & _MASK
@@ -94,7 +96,7 @@ def compute_lookup3(data: bytes | bytearray) -> int:
     if not data:
         return c
     rest = bytes(data[whole:]).ljust(12, b"\0")
-    a, b, c = ((one + word) & _MASK for one, word in zip((a, b, c), _read_words(rest), strict=True))
+    a, b, c = ((state + word) & _MASK for state, word in zip((a, b, c), _read_words(rest), strict=True))
     c = ((c ^ b) - _rotate(b, 14)) & _MASK
     a = ((a ^ c) - _rotate(c, 11)) & _MASK
     b = ((b ^ a) - _rotate(a, 25)) & _MASK

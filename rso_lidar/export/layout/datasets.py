@@ -122,43 +122,49 @@ def list_variables(frame: Frame, capacities: sensor_samples.Capacities | None = 
     capacities : samples of each sensor for which an entry has room (None: as the frame needs)
     """
     room = sensor_samples.grow_capacities(frame.observation.sensors, capacities or {})
-    found = _list_required(frame) | list_optional(frame)
+    array_specs = _list_required(frame) | list_optional(frame)
     sizes = {"row": frame.range_m.shape[0], "col": frame.range_m.shape[1], "xyz": 3, "quaternion": 4}
-    made = {}
+    variables = {}
     for path, value in collect_values(frame).items():
-        own = dict(zip(found[path].dims, np.shape(value), strict=False))  # of returns, samples and the fine grid
+        own = dict(zip(array_specs[path].dims, np.shape(value), strict=False))  # of returns, samples and the fine grid
         if sensor_samples.is_series(path):
             own["sample"] = room[sensor_samples.get_sensor(path)]
-            made[path] = Variable(path, found[path], tuple(own.values()))
+            variables[path] = Variable(path, array_specs[path], tuple(own.values()))
         else:
-            made[path] = Variable(path, found[path], tuple((own | sizes)[dim] for dim in found[path].dims))
-    for path, variable in made.items():
+            variables[path] = Variable(
+                path, array_specs[path], tuple((own | sizes)[dim] for dim in array_specs[path].dims)
+            )
+    for path, variable in variables.items():
         if 0 in variable.shape:
             raise RecordingError(
                 f"{path}: the first frame's has the shape {variable.shape}; record at least one of each"
             )
-    return made
+    return variables
 
 
 def _list_required(frame: Frame) -> dict[str, ArraySpec]:
     """List the datasets that follow from the settings, axes, bodies and PTU of a frame."""
-    found = {"time": TIME, "frame_index": INDEX}
-    found |= {path: specs(Reading)[name] for path, name in READING.items()}
-    found |= {path: specs(Labels)[name] for path, name in LABELS.items()}
+    array_specs = {"time": TIME, "frame_index": INDEX}
+    array_specs |= {path: specs(Reading)[name] for path, name in READING.items()}
+    array_specs |= {path: specs(Labels)[name] for path, name in LABELS.items()}
     for name in frame.observation.settings:
-        found[f"settings/{name}"] = ArraySpec((), _F8, get_setting_unit(name), f"{name.replace('_', ' ')}, as in force")
+        array_specs[f"settings/{name}"] = ArraySpec(
+            (), _F8, get_setting_unit(name), f"{name.replace('_', ' ')}, as in force"
+        )
     if frame.truth.pointing is not None:
         for (path, _, place), spec in zip(POINTING, _list_pointing_specs(), strict=True):
-            found[path] = dataclasses.replace(spec, dims=(), meaning=f"{('pan', 'tilt')[place]} of: {spec.meaning}")
-    found["truth/sun_direction"] = SUN
+            array_specs[path] = dataclasses.replace(
+                spec, dims=(), meaning=f"{('pan', 'tilt')[place]} of: {spec.meaning}"
+            )
+    array_specs["truth/sun_direction"] = SUN
     for name in frame.truth.poses:
         if name == "sun_direction" or "/" in name:
             raise RecordingError(f"axes '{name}': a recording cannot hold this name; rename the body")
-        found |= {f"truth/{name}/{path}": spec for path, spec in NODE.items()}
+        array_specs |= {f"truth/{name}/{path}": spec for path, spec in NODE.items()}
     state = {path: dataclasses.replace(specs(BodyState)[field], dims=_XYZ) for path, field in INERTIAL.items()}
     for name in frame.truth.states:
-        found |= {f"truth/{name}/{path}": spec for path, spec in state.items()}
-    return found
+        array_specs |= {f"truth/{name}/{path}": spec for path, spec in state.items()}
+    return array_specs
 
 
 def list_optional(frame: Frame) -> dict[str, ArraySpec]:
@@ -167,11 +173,13 @@ def list_optional(frame: Frame) -> dict[str, ArraySpec]:
     An attribute of the file lists them too.
     """
     reading, labels = frame.observation.reading, frame.labels
-    found = {path: specs(Reading)[name] for path, name in RETURNS.items() if getattr(reading, name) is not None}
-    found |= {path: specs(Labels)[name] for path, name in MORE_LABELS.items() if getattr(labels, name) is not None}
-    found |= {f"truth/{name}/sunlit": SUNLIT for name in frame.truth.sunlit}
-    found |= sensor_samples.list_arrays(frame.observation.sensors)
-    return found | intermediates.list_arrays(frame.kept)
+    array_specs = {path: specs(Reading)[name] for path, name in RETURNS.items() if getattr(reading, name) is not None}
+    array_specs |= {
+        path: specs(Labels)[name] for path, name in MORE_LABELS.items() if getattr(labels, name) is not None
+    }
+    array_specs |= {f"truth/{name}/sunlit": SUNLIT for name in frame.truth.sunlit}
+    array_specs |= sensor_samples.list_arrays(frame.observation.sensors)
+    return array_specs | intermediates.list_arrays(frame.kept)
 
 
 # Path, field of `PtuAngles`, and place in it: /ptu/pan_demand_rad and so on.
@@ -209,22 +217,22 @@ def split_unit(name: str) -> tuple[str, str]:
 def collect_values(frame: Frame) -> dict[str, Any]:
     """Collect the values that a frame puts into each dataset, by path, /time last."""
     observation, truth = frame.observation, frame.truth
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         path: value
         for record, names in ((observation.reading, READING | RETURNS), (frame.labels, LABELS | MORE_LABELS))
         for path, name in names.items()
         if (value := getattr(record, name)) is not None
     }
-    found |= intermediates.collect_arrays(frame.kept, frame.range_m.shape)
-    found |= sensor_samples.collect_arrays(observation.sensors)
-    found |= {f"settings/{name}": value for name, value in observation.settings.items()}
+    values |= intermediates.collect_arrays(frame.kept, frame.range_m.shape)
+    values |= sensor_samples.collect_arrays(observation.sensors)
+    values |= {f"settings/{name}": value for name, value in observation.settings.items()}
     if truth.pointing is not None:
-        found |= {path: getattr(truth.pointing, name)[place] for path, name, place in POINTING}
-    found |= {path: value for path, (_, value) in collect_truth(truth).items()}
-    found |= {f"truth/{name}/sunlit": share for name, share in truth.sunlit.items()}
-    found["frame_index"] = frame.index
-    found["time"] = frame.time_s
-    return found
+        values |= {path: getattr(truth.pointing, name)[place] for path, name, place in POINTING}
+    values |= {path: value for path, (_, value) in collect_truth(truth).items()}
+    values |= {f"truth/{name}/sunlit": share for name, share in truth.sunlit.items()}
+    values["frame_index"] = frame.index
+    values["time"] = frame.time_s
+    return values
 
 
 def collect_truth(truth: Truth) -> dict[str, tuple[ArraySpec, np.ndarray]]:
@@ -246,7 +254,7 @@ def collect_truth(truth: Truth) -> dict[str, tuple[ArraySpec, np.ndarray]]:
     """
     from scipy.spatial.transform import Rotation
 
-    found = {"truth/sun_direction": (SUN, truth.sun_direction)}
+    entries = {"truth/sun_direction": (SUN, truth.sun_direction)}
     seen = compute_lidar_poses(truth.poses)
     rotations = [truth.poses[name].matrix for name in seen]
     rotations += [matrix[:3, :3] for matrix in seen.values()]
@@ -255,14 +263,14 @@ def collect_truth(truth: Truth) -> dict[str, tuple[ArraySpec, np.ndarray]]:
         link = truth.poses[name]
         from_parent = (link.translation_m, quaternions[place], link.velocity_m_s, link.angular_velocity_rad_s)
         values = (*from_parent, matrix[:3, 3], quaternions[len(seen) + place])
-        found |= {
+        entries |= {
             f"truth/{name}/{path}": (spec, value) for (path, spec), value in zip(NODE.items(), values, strict=True)
         }
     for name, state in truth.states.items():
-        found |= {
+        entries |= {
             f"truth/{name}/{path}": (specs(BodyState)[field], getattr(state, field)) for path, field in INERTIAL.items()
         }
-    return found
+    return entries
 
 
 def compute_lidar_poses(tree: PoseTree) -> dict[str, np.ndarray]:

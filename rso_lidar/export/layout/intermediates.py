@@ -73,20 +73,20 @@ def check_kept(names: Iterable[str]) -> None:
 
 def list_arrays(kept: Mapping[str, Record]) -> dict[str, ArraySpec]:
     """List the arrays that a recording makes of kept records, by path."""
-    found = {}
+    array_specs = {}
     for group, record in _select_recordable(kept).items():
         for path, name in FIELDS[group].items():
             if getattr(record, name) is not None:
                 spec = specs(type(record))[name]
                 dims = [placed for dim in spec.dims for placed in _DIMS.get(dim, (dim,))]
                 dtype = _FLAG if spec.dtype.kind == "b" else spec.dtype
-                found[f"{group}/{path}"] = dataclasses.replace(spec, dims=tuple(dims), dtype=dtype)
-    return found
+                array_specs[f"{group}/{path}"] = dataclasses.replace(spec, dims=tuple(dims), dtype=dtype)
+    return array_specs
 
 
 def collect_arrays(kept: Mapping[str, Record], shape: tuple[int, ...]) -> dict[str, np.ndarray]:
     """Collect the arrays of the kept records of a frame of `shape` (row, col), by path."""
-    found: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {}
     for group, record in _select_recordable(kept).items():
         if isinstance(record, Waveforms):
             if tuple(record.shape) != tuple(shape):
@@ -96,8 +96,8 @@ def collect_arrays(kept: Mapping[str, Record], shape: tuple[int, ...]) -> dict[s
         for path, name in FIELDS[group].items():
             value = getattr(record, name)
             if value is not None:
-                found[f"{group}/{path}"] = _spread_traces(record, value) if isinstance(record, Waveforms) else value
-    return found
+                arrays[f"{group}/{path}"] = _spread_traces(record, value) if isinstance(record, Waveforms) else value
+    return arrays
 
 
 def get_constants(kept: Mapping[str, Record]) -> dict[str, dict[str, float]]:
@@ -140,13 +140,13 @@ def _spread_traces(waveforms: Waveforms, values: np.ndarray) -> np.ndarray:
 
 def _select_recordable(kept: Mapping[str, Record]) -> dict[str, Record]:
     """Return the kept records in the form that a recording takes; raise a `RecordingError` for any other record."""
-    found = {}
+    records = {}
     for group, record in kept.items():
         taken = _sum_photons(record) if isinstance(record, Photons) else record
         if not isinstance(taken, RECORDS.get(group, ())):
             raise RecordingError(f"kept {group}: cannot be recorded; keep {', '.join(RECORDS)}, or leave it out")
-        found[group] = taken
-    return found
+        records[group] = taken
+    return records
 
 
 def _sum_photons(photons: Photons) -> PhotonImage:

@@ -46,18 +46,18 @@ def list_arrays(sensors: Mapping[str, SensorSamples]) -> dict[str, ArraySpec]:
     RecordingError
         If a name or a field cannot be recorded.
     """
-    found = {}
+    array_specs = {}
     for name, samples in sensors.items():
         if not name or "/" in name or name.strip(".") == "":
             raise RecordingError(f"sensor '{name}': a recording cannot hold this name; rename the sensor")
         stated = _check_fields(name, type(samples))
-        found[f"{GROUP}/{name}/{COUNT}"] = _COUNT_SPEC
+        array_specs[f"{GROUP}/{name}/{COUNT}"] = _COUNT_SPEC
         for field, spec in stated.items():
             value = getattr(samples, field)
             if value is not None and 0 not in value.shape[1:]:
                 dtype = _FLAG if spec.dtype.kind == "b" else spec.dtype
-                found[f"{GROUP}/{name}/{field}"] = dataclasses.replace(spec, dtype=dtype)
-    return found
+                array_specs[f"{GROUP}/{name}/{field}"] = dataclasses.replace(spec, dtype=dtype)
+    return array_specs
 
 
 def _check_fields(name: str, kind: type[SensorSamples]) -> Mapping[str, ArraySpec]:
@@ -79,14 +79,14 @@ def _check_fields(name: str, kind: type[SensorSamples]) -> Mapping[str, ArraySpe
 
 def collect_arrays(sensors: Mapping[str, SensorSamples]) -> dict[str, np.ndarray]:
     """Collect the arrays of the samples of a frame, each (sample, …) and not padded, by path."""
-    found: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {}
     for name, samples in sensors.items():
-        found[f"{GROUP}/{name}/{COUNT}"] = np.asarray(len(samples.time_s), _COUNT_SPEC.dtype)
+        arrays[f"{GROUP}/{name}/{COUNT}"] = np.asarray(len(samples.time_s), _COUNT_SPEC.dtype)
         for field in specs(type(samples)):
             value = getattr(samples, field)
             if value is not None and 0 not in value.shape[1:]:
-                found[f"{GROUP}/{name}/{field}"] = value
-    return found
+                arrays[f"{GROUP}/{name}/{field}"] = value
+    return arrays
 
 
 def grow_capacities(sensors: Mapping[str, SensorSamples], capacities: Capacities) -> dict[str, int]:
@@ -94,11 +94,11 @@ def grow_capacities(sensors: Mapping[str, SensorSamples], capacities: Capacities
 
     The numbers of samples of complete intervals differ by one at most.
     """
-    found = {}
+    new_capacities = {}
     for name, samples in sensors.items():
         count, room = len(samples.time_s), capacities.get(name, 1)
-        found[name] = room if count <= room and name in capacities else max(count + 1, room)
-    return found
+        new_capacities[name] = room if count <= room and name in capacities else max(count + 1, room)
+    return new_capacities
 
 
 def pad(values: np.ndarray, room: int, fill: float | int | None) -> np.ndarray:
@@ -116,7 +116,7 @@ def pad(values: np.ndarray, room: int, fill: float | int | None) -> np.ndarray:
 
 def describe_sensors(sensors: Mapping[str, SensorSamples]) -> dict[str, Any]:
     """Return what a recording states of each sensor, ready for JSON: its record, and all fields of it."""
-    found = {}
+    statements = {}
     for name, samples in sensors.items():
         fields = {
             field: {
@@ -131,8 +131,8 @@ def describe_sensors(sensors: Mapping[str, SensorSamples]) -> dict[str, Any]:
         }
         kind = type(samples)
         about = (kind.__doc__ or "").strip().partition("\n")[0]
-        found[name] = {"record": kind.__name__, "about": about, "fields": fields}
-    return found
+        statements[name] = {"record": kind.__name__, "about": about, "fields": fields}
+    return statements
 
 
 def make_samples(described: Mapping[str, Any], entries: Mapping[str, np.ndarray]) -> SensorSamples:
@@ -146,7 +146,7 @@ def make_samples(described: Mapping[str, Any], entries: Mapping[str, np.ndarray]
     entries : arrays (sample, …) by name of the field; fields without entries are made
     """
     fields = described["fields"]
-    stated = {field: _read_spec(one) for field, one in fields.items()}
+    stated = {field: _read_spec(statement) for field, statement in fields.items()}
     kind = _find_class(described["record"], stated) or _make_class(
         described["record"], described["about"], tuple(stated.items())
     )
@@ -160,8 +160,8 @@ def make_samples(described: Mapping[str, Any], entries: Mapping[str, np.ndarray]
     return kind(**arrays)
 
 
-def _read_spec(one: Mapping[str, Any]) -> ArraySpec:
-    return ArraySpec(tuple(one["dims"]), np.dtype(one["dtype"]), one["unit"], one["meaning"])
+def _read_spec(statement: Mapping[str, Any]) -> ArraySpec:
+    return ArraySpec(tuple(statement["dims"]), np.dtype(statement["dtype"]), statement["unit"], statement["meaning"])
 
 
 def _find_class(name: str, stated: Mapping[str, ArraySpec]) -> type[SensorSamples] | None:
@@ -198,10 +198,10 @@ def _make_class(name: str, about: str, stated: tuple[tuple[str, ArraySpec], ...]
     ]
     statement = (name, about, stated)
     members = {"__doc__": about, "recorded_statement": statement, "__reduce__": _reduce_samples}
-    made: type[SensorSamples] = dataclasses.make_dataclass(
+    samples_class: type[SensorSamples] = dataclasses.make_dataclass(
         name, own, bases=(SensorSamples,), namespace=members, frozen=True, eq=False, repr=False
     )
-    return made
+    return samples_class
 
 
 def _reduce_samples(samples: Any) -> tuple[Any, ...]:

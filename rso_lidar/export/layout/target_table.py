@@ -12,9 +12,9 @@ from rso_lidar.records import TargetEntry, Taxonomy
 def tabulate_targets(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:
     """Return each target as a table that JSON can hold."""
     return [
-        {field.name: getattr(one, field.name) for field in dataclasses.fields(one)}
-        | {"taxonomy": one.taxonomy.model_dump() if one.taxonomy else None}
-        for one in targets
+        {field.name: getattr(target, field.name) for field in dataclasses.fields(target)}
+        | {"taxonomy": target.taxonomy.model_dump() if target.taxonomy else None}
+        for target in targets
     ]
 
 

@@ -112,8 +112,8 @@ def get_end_of_file(superblock: bytes) -> int:
 def get_errno(error: BaseException) -> int | None:
     """Return the errno of an error, which HDF5 reports as text only; None where there is none."""
     number: int | None = getattr(error, "errno", None)
-    if number is None and (found := re.search(r"errno = (\d+)", str(error))):
-        number = int(found[1])
+    if number is None and (match := re.search(r"errno = (\d+)", str(error))):
+        number = int(match[1])
     return number
 
 

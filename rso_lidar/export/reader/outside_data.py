@@ -69,4 +69,4 @@ def _find_other_file(group: Any, name: str) -> str:
     if dataset.external:
         return str(dataset.external[0][0])
     sources = dataset.virtual_sources() if dataset.is_virtual else []
-    return next((str(one.file_name) for one in sources if one.file_name != "."), "")
+    return next((str(source.file_name) for source in sources if source.file_name != "."), "")

@@ -202,8 +202,8 @@ class RecordingFile:
         self._ptu = "ptu" in self._file
         optional: list[str] = json.loads(attributes.get("optional_datasets", "[]"))
         self._sunlit = [name for path in optional if (name := _extract_between("truth/", path, "/sunlit"))]
-        found = [group for group in intermediates.RECORDS if any(path.startswith(f"{group}/") for path in optional)]
-        self.kept = tuple(found)  # names of the intermediate records that it holds
+        groups = [group for group in intermediates.RECORDS if any(path.startswith(f"{group}/") for path in optional)]
+        self.kept = tuple(groups)  # names of the intermediate records that it holds
         paths = ["time", "frame_index", *READING, *LABELS, "truth/sun_direction", *optional]
         paths += [f"truth/{name}/{path}" for name in self._parents for path in NODE]
         paths += [f"truth/{name}/{path}" for name in self._states for path in INERTIAL]

@@ -29,17 +29,17 @@ def read_samples(frames: Iterable[Frame], sensor: str) -> SensorSamples:
     """
     if isinstance(frames, Recording):
         frames = frames[:]
-    found: list[Mapping[str, SensorSamples]]
+    samples_by_frame: list[Mapping[str, SensorSamples]]
     if isinstance(frames, Frames):
-        found = [frames.recording.read_samples(frames.recording.place(k)) for k in frames.places]
+        samples_by_frame = [frames.recording.read_samples(frames.recording.place(k)) for k in frames.places]
     else:
-        found = [frame.observation.sensors for frame in frames]
-    known = found[0]
+        samples_by_frame = [frame.observation.sensors for frame in frames]
+    known = samples_by_frame[0]
     if sensor not in known:
         guess = did_you_mean(sensor, known)
         listed = f"{guess or ';'} (known: {', '.join(known)})" if known else "; the frames have no sensors"
         raise RecordingError(f"--sensor {sensor}: there is no sensor of that name{listed}")
-    return join_samples([{sensor: some[sensor]} for some in found])[sensor]
+    return join_samples([{sensor: some[sensor]} for some in samples_by_frame])[sensor]
 
 
 def tabulate_samples(samples: SensorSamples, utc: np.ndarray) -> dict[str, np.ndarray]:

@@ -39,7 +39,7 @@ class SensorSeries(Mapping[str, SensorSamples]):
 
     def __repr__(self) -> str:
         """Return the names of the sensors and of their records."""
-        named = ", ".join(f"{name}: {one['record']}" for name, one in self._described.items())
+        named = ", ".join(f"{name}: {entry['record']}" for name, entry in self._described.items())
         return f"<sensors of {self._recording.path.name}: {named}>"
 
     def __getitem__(self, name: str) -> SensorSamples:

@@ -62,7 +62,7 @@ def read_status(path: Path) -> RecordingStatus:
     if not path.parent.is_dir():
         raise RecordingError(f"{path}: there is no folder {path.parent}; check the name")
     names = [entry.name for entry in path.parent.iterdir()]
-    locks = {found[1] for name in names if (found := _LOCK.match(name))}
+    locks = {match[1] for name in names if (match := _LOCK.match(name))}
     temporary = {name for name in (*names, *locks) if name.startswith(f"{output.name}.tmp-") and TEMPORARY.search(name)}
     ours = [path.with_name(name) for name in temporary if not name.endswith(".starting") and named in (None, name)]
     for file in sorted(ours):

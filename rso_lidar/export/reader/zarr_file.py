@@ -82,8 +82,8 @@ def _check_metadata(path: Path) -> None:
 
 def _get_truth_attributes(metadata: dict[str, Any]) -> dict[str, Any]:
     """Return the attributes of /truth in the consolidated metadata of a store."""
-    found: dict[str, Any] = metadata["consolidated_metadata"]["metadata"]["truth"]["attributes"]
-    return found
+    attributes: dict[str, Any] = metadata["consolidated_metadata"]["metadata"]["truth"]["attributes"]
+    return attributes
 
 
 def _compute_crc32(metadata: dict[str, Any]) -> int:

@@ -61,9 +61,11 @@ class ChunkWriter:
     def __init__(self, file: Any, variables: Mapping[str, Variable]) -> None:
         self._file = file
         # Low-level calls take a fifth of the time of dataset[k] = entry.
-        self._datasets = {path: (file[path].id, one.shape, (0,) * len(one.shape)) for path, one in variables.items()}
-        self._images = [path for path, one in variables.items() if one.is_compressed]
-        self._small = [path for path, one in variables.items() if not one.is_compressed]
+        self._datasets = {
+            path: (file[path].id, variable.shape, (0,) * len(variable.shape)) for path, variable in variables.items()
+        }
+        self._images = [path for path, variable in variables.items() if variable.is_compressed]
+        self._small = [path for path, variable in variables.items() if not variable.is_compressed]
         self._small_ends = np.cumsum([variables[path].frame_bytes + _FRAMING for path in self._small])
         self._encoder = ImageEncoder(max((variables[path].frame_bytes for path in self._images), default=0))
 

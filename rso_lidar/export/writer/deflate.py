@@ -58,7 +58,7 @@ def find_changes(data: np.ndarray, words: np.ndarray, size: int, changes: np.nda
         Number of items found.
     """
     count, per_word = len(data) // size, 8 // size
-    found, item, is_even = 0, 0, False
+    n_changes, item, is_even = 0, 0, False
     while item < count:
         if is_even:  # all items of the word before are equal
             word = item // per_word
@@ -81,11 +81,11 @@ def find_changes(data: np.ndarray, words: np.ndarray, size: int, changes: np.nda
                 if not differs and data[byte] != data[byte - size]:
                     differs = True
             if differs:
-                changes[found] = item
-                found += 1
+                changes[n_changes] = item
+                n_changes += 1
                 is_even = is_even and item == first
             item += 1
-    return found
+    return n_changes
 
 
 @kernel
@@ -108,7 +108,7 @@ def split_into_tokens(
         Number of tokens, and Adler-32 of the planes.
     """
     count = len(data) // size
-    found, value, run = 0, -1, 0
+    n_tokens, value, run = 0, -1, 0
     low, high = 1, 0
     for plane in range(size):
         for k in range(len(changes)):
@@ -120,25 +120,25 @@ def split_into_tokens(
             if byte == value:
                 run += length
                 continue
-            found = _end_run(tokens, int(found), int(value), int(run))
-            tokens[found] = byte
-            found += 1
+            n_tokens = _end_run(tokens, int(n_tokens), int(value), int(run))
+            tokens[n_tokens] = byte
+            n_tokens += 1
             value, run = byte, length - 1
-        found = _end_run(tokens, int(found), int(value), int(run))
+        n_tokens = _end_run(tokens, int(n_tokens), int(value), int(run))
         run = 0
-        plane_ends[plane] = found
+        plane_ends[plane] = n_tokens
         low, high = low % _ADLER, high % _ADLER
-    return found, high << 16 | low
+    return n_tokens, high << 16 | low
 
 
 @kernel
-def _end_run(tokens: np.ndarray, found: int, value: int, run: int) -> int:
+def _end_run(tokens: np.ndarray, n_tokens: int, value: int, run: int) -> int:
     """Write the rest of a run of equal bytes as matches and literals.
 
     Parameters
     ----------
     tokens : written in place
-    found : number of tokens so far
+    n_tokens : number of tokens so far
     run : number of bytes that remain
 
     Returns
@@ -147,13 +147,13 @@ def _end_run(tokens: np.ndarray, found: int, value: int, run: int) -> int:
     """
     while run >= _SHORTEST_MATCH:
         length = min(run, _LONGEST_MATCH)
-        tokens[found] = _MATCH + length
-        found += 1
+        tokens[n_tokens] = _MATCH + length
+        n_tokens += 1
         run -= length
     for _ in range(run):
-        tokens[found] = value
-        found += 1
-    return found
+        tokens[n_tokens] = value
+        n_tokens += 1
+    return n_tokens
 
 
 @kernel
@@ -329,8 +329,8 @@ def deflate_planes(
         Length of the stream [bytes].
     """
     plane_ends = np.empty(size, np.int64)
-    found = find_changes(data, words, size, changes)
-    count, adler = split_into_tokens(data, size, changes[:found], tokens, plane_ends)
+    n_changes = find_changes(data, words, size, changes)
+    count, adler = split_into_tokens(data, size, changes[:n_changes], tokens, plane_ends)
     out[0], out[1] = 0x78, 0x01  # window of 32 KiB, fastest
     state = np.array([2, 0, 0])
     start = 0

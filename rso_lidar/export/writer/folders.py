@@ -96,8 +96,8 @@ def draft_export_folder(path: str | os.PathLike[str], *, overwrite: bool = False
     ours: list[tuple[Path, os.stat_result]] = []  # folders to remove in the end, as they were made
 
     def remove() -> None:
-        for folder, made in ours:
-            if is_same(folder, made):
+        for folder, status in ours:
+            if is_same(folder, status):
                 shutil.rmtree(folder, ignore_errors=True)
 
     try:
@@ -105,11 +105,11 @@ def draft_export_folder(path: str | os.PathLike[str], *, overwrite: bool = False
             check_export_folder(place, overwrite=overwrite)
             with defer_signals():
                 draft = _make_folder(place, "part")
-                ours.append((draft, made := draft.lstat()))
+                ours.append((draft, status := draft.lstat()))
                 if os.name == "posix":  # while it is open, no other folder can get its inode
                     held.callback(os.close, os.open(draft, os.O_RDONLY))
             yield draft
-            check_draft(draft, made, place)
+            check_draft(draft, status, place)
             check_export_folder(place, overwrite=overwrite)  # a folder that appeared since belongs to someone else
             with defer_signals():
                 if place.is_dir():

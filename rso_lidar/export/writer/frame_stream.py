@@ -27,10 +27,10 @@ def take_first(place: Path, frames: Iterable[Frame]) -> tuple[Frame, Iterator[Fr
     return _check_frame(place, first), (_check_frame(place, frame) for frame in itertools.chain([first], coming))
 
 
-def _check_frame(place: Path, found: object) -> Frame:
-    if not isinstance(found, Frame):
-        raise RecordingError(f"{place}: got a {type(found).__name__}, not a frame; give what simulate or open returns")
-    return found
+def _check_frame(place: Path, frame: object) -> Frame:
+    if not isinstance(frame, Frame):
+        raise RecordingError(f"{place}: got a {type(frame).__name__}, not a frame; give what simulate or open returns")
+    return frame
 
 
 def match_entries(place: Path, frame: Frame, first: Frame, variables: Mapping[str, Variable]) -> dict[str, np.ndarray]:
@@ -56,14 +56,14 @@ def match_entries(place: Path, frame: Frame, first: Frame, variables: Mapping[st
     ours, theirs = ({n: type(of).__name__ for n, of in f.observation.sensors.items()} for f in (frame, first))
     if ours != theirs:
         raise RecordingError(f"{where}: its sensors have other samples than the first's; write it to another file")
-    found = {}
+    entries = {}
     for path, value in filled.items():
         variable = variables[path]
         start = 1 if variable.is_series else 0
         if np.shape(value)[start:] != variable.shape[start:]:
             raise RecordingError(f"{where}: {path}: needs the shape {variable.shape}, not {np.shape(value)}")
-        found[path] = np.asarray(value, dtype=variable.spec.dtype, order="C")
-    return found
+        entries[path] = np.asarray(value, dtype=variable.spec.dtype, order="C")
+    return entries
 
 
 def pad_entries(entries: Mapping[str, np.ndarray], variables: Mapping[str, Variable]) -> dict[str, np.ndarray]:

@@ -38,14 +38,14 @@ def lay_out(
     changing_lens : store a table of lines of sight that grows, and the number of each frame's in /lens
     capacities : samples of each sensor for which there is room in a frame (None: as this frame needs)
     """
-    found = list_variables(frame, capacities)
+    variables = list_variables(frame, capacities)
     more = list(list_optional(frame))
     if changing_lens:
-        found["lens"] = Variable("lens", LENS, ())
+        variables["lens"] = Variable("lens", LENS, ())
         more.append("lens")
     _write_attributes(file, get_root_attributes(source) | get_sensor_attributes(frame))
     _write_attributes(file, {"optional_datasets": json.dumps(more)})
-    scales = {"time": _make_dataset(file, found["time"], get_time_attributes(source.start_utc))}
+    scales = {"time": _make_dataset(file, variables["time"], get_time_attributes(source.start_utc))}
     scales["time"].make_scale("time")
     scales |= {dim: _make_scale(file, dim, size) for dim, size in zip(("row", "col"), frame.range_m.shape, strict=True)}
     for dim, size, meaning in (("xyz", 3, "x, y, z"), ("quaternion", 4, "x, y, z, w")):
@@ -53,10 +53,10 @@ def lay_out(
         _write_attributes(scales[dim], {"long_name": meaning})
         scales[dim].make_scale(f"This is a netCDF dimension but not a netCDF variable.{size:10d}")
     _lay_out_line_of_sight(file, frame, scales, changing_lens)
-    for path, variable in found.items():
+    for path, variable in variables.items():
         if path != "time":
-            made = _make_dataset(file, variable, get_array_attributes(variable, source))
-            _attach_scales(made, ("time", *variable.spec.dims), scales | _make_own_scales(made, variable, scales))
+            dataset = _make_dataset(file, variable, get_array_attributes(variable, source))
+            _attach_scales(dataset, ("time", *variable.spec.dims), scales | _make_own_scales(dataset, variable, scales))
     for name, parent in get_parents(frame).items():
         _write_attributes(file[f"truth/{name}"], {"parent": parent})
     _write_attributes(
@@ -65,7 +65,7 @@ def lay_out(
     for group, held in (intermediates.get_constants(frame.kept) | get_group_attributes(frame)).items():
         _write_attributes(file[group], held)
     _write_attributes(file["truth"], {"texts_crc32": np.uint32(compute_texts_crc32(file))})
-    return found
+    return variables
 
 
 def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], changing: bool) -> None:
@@ -111,10 +111,10 @@ def _make_scale(group: Any, dim: str, size: int) -> Any:
     ----------
     group : that it belongs to
     """
-    made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", compression="gzip", fletcher32=True)
-    _write_attributes(made, {"units": "1", "long_name": get_scale_meaning(made.name.strip("/"))})
-    made.make_scale(dim)
-    return made
+    scale = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", compression="gzip", fletcher32=True)
+    _write_attributes(scale, {"units": "1", "long_name": get_scale_meaning(scale.name.strip("/"))})
+    scale.make_scale(dim)
+    return scale
 
 
 def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) -> Any:
@@ -124,7 +124,7 @@ def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) 
     ----------
     file : h5py file
     """
-    made = file.create_dataset(
+    dataset = file.create_dataset(
         variable.path,
         shape=(0, *variable.shape),
         maxshape=(None, *variable.shape),
@@ -137,10 +137,10 @@ def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) 
         shuffle=variable.is_compressed,
         fletcher32=True,
     )
-    _write_attributes(made, attributes)
+    _write_attributes(dataset, attributes)
     if variable.fill is not None:
-        made.attrs.create("_FillValue", np.array([variable.fill], variable.spec.dtype), dtype=variable.spec.dtype)
-    return made
+        dataset.attrs.create("_FillValue", np.array([variable.fill], variable.spec.dtype), dtype=variable.spec.dtype)
+    return dataset
 
 
 def _attach_scales(dataset: Any, dims: tuple[str, ...], scales: Mapping[str, Any]) -> None:

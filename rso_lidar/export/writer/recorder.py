@@ -216,8 +216,8 @@ class Recorder:
             with starting.open("x+b") as stream:
                 stream.write(image.getvalue())
                 stream.truncate(get_end_of_file(image.getvalue()))  # the end of the last page, which the image lacks
-                made = TemporaryFile(starting, stream.fileno())
-                undone.callback(made.close)
+                temporary_file = TemporaryFile(starting, stream.fileno())
+                undone.callback(temporary_file.close)
             self._file = h5py.File(starting, "r+", libver=_LIBVER, locking="best-effort", **_CACHE)
             self._chunks = ChunkWriter(self._file, self._variables)
             self._lenses = LensTables(self._file) if changing else None
@@ -229,12 +229,12 @@ class Recorder:
             self._file.swmr_mode = True
             self._file.flush()
             self._superblock = read_superblock(self._file)
-            made.check(get_end_of_file(self._superblock))
+            temporary_file.check(get_end_of_file(self._superblock))
             starting.replace(self.temporary)  # so that whatever has the temporary name can be opened
             undone.pop_all()
             if self._open is not None:
                 self._open.close()
-            self._open, made.path = made, self.temporary
+            self._open, temporary_file.path = temporary_file, self.temporary
 
     @contextlib.contextmanager
     def _swept(self, starting: Path) -> Any:
@@ -262,7 +262,7 @@ class Recorder:
         first = self._first
         assert first is not None
         other_lens = self._has_other_lens(frame, first, f"{self.path}: frame {frame.index}")
-        held = {path: one for path, one in self._variables.items() if path != "lens"}
+        held = {path: variable for path, variable in self._variables.items() if path != "lens"}
         entries = match_entries(self.path, frame, first, held)
         room = grow_capacities(frame.observation.sensors, self._capacities)
         if other_lens or room != self._capacities:

@@ -192,10 +192,10 @@ class ZarrWriter:
         for path, size in sizes.items():
             dim = path.rpartition("/")[2]
             stated = {"dtype": np.dtype("i4"), "dims": (dim,), "fill": None}
-            made = self._create(
+            array = self._create(
                 path, (size,), (size,), None, stated, {"units": "1", "long_name": get_scale_meaning(path)}
             )
-            made[:] = np.arange(size, dtype="i4")
+            array[:] = np.arange(size, dtype="i4")
 
     def _add_sight(self, line_of_sight: np.ndarray) -> None:
         """Write a line of sight: a single one as (row, col, xyz), several as (lens_number, row, col, xyz)."""

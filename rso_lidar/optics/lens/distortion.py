@@ -108,9 +108,9 @@ class DistortionPart(Part):
             If it folds.
         """
         edge = np.linspace(-1.0, 1.0, 33)
-        one = np.ones_like(edge)
-        to_x = half_x * np.concatenate([edge, edge, -one, one])
-        to_y = half_y * np.concatenate([-one, one, edge, edge])
+        ones = np.ones_like(edge)
+        to_x = half_x * np.concatenate([edge, edge, -ones, ones])
+        to_y = half_y * np.concatenate([-ones, ones, edge, edge])
         x, y = np.zeros_like(to_x), np.zeros_like(to_y)
         # Outwards from the axis: each solution is the first guess of the next, so that none jumps over a fold.
         for part in np.linspace(0.0, 1.0, 33)[1:]:
@@ -301,13 +301,13 @@ def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
     radius = float(np.hypot(x, y).max())
     u, v = x / radius, y / radius
     w = u * u + v * v
-    nil, one = np.zeros_like(u), np.ones_like(u)
+    nil, ones = np.zeros_like(u), np.ones_like(u)
     # Beside the five coefficients a shift of the whole image, which is pointing and not distortion.
-    in_x = np.stack([u * w, u * w**2, u * w**3, 2 * u * v, w + 2 * u * u, one, nil], axis=1)
-    in_y = np.stack([v * w, v * w**2, v * w**3, w + 2 * v * v, 2 * u * v, nil, one], axis=1)
+    in_x = np.stack([u * w, u * w**2, u * w**3, 2 * u * v, w + 2 * u * u, ones, nil], axis=1)
+    in_y = np.stack([v * w, v * w**2, v * w**3, w + 2 * v * v, 2 * u * v, nil, ones], axis=1)
     terms, target = np.concatenate([in_x, in_y]), np.concatenate([xd - x, yd - y]) / radius
-    found = np.linalg.lstsq(terms, target, rcond=None)[0]
-    left = target - np.einsum("ij,j->i", terms, found)
+    solution = np.linalg.lstsq(terms, target, rcond=None)[0]
+    left = target - np.einsum("ij,j->i", terms, solution)
     rms = radius * math.sqrt(2.0 * float(np.mean(left**2)))  # of the two axes together
     if rms > WORST_FIT * radius:
         raise ScenarioError(
@@ -315,5 +315,5 @@ def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
             f"{100 * WORST_FIT:g} % is allowed); list a smaller field, or one lens at a time"
         )
     powers = radius ** -np.array([2.0, 4.0, 6.0, 1.0, 1.0])
-    k1, k2, k3, p1, p2 = (float(value) for value in found[:5] * powers)
+    k1, k2, k3, p1, p2 = (float(value) for value in solution[:5] * powers)
     return Fit((k1, k2, k3, p1, p2), rms, float(np.hypot(xd, yd).max()), math.sqrt(abs(determinant)))

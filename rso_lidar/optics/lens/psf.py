@@ -320,9 +320,9 @@ def _shares(
             f"psf: only {100 * float(caught.min()):.2g} % of its light lands within {reach} pixels of "
             f"{pitch_m / units.UM:g} um; check its width, spacing and centre"
         )
-    found: np.ndarray = shares / caught
-    found.flags.writeable = False
-    return found
+    fractions: np.ndarray = shares / caught
+    fractions.flags.writeable = False
+    return fractions
 
 
 @lru_cache(maxsize=256)

@@ -136,5 +136,5 @@ class Glare(Part):
         """
         angle = np.asarray(angle_rad, dtype=float)
         gathered = transmission * math.pi / (4.0 * f_number**2)
-        found: np.ndarray = gathered * self.scatter_per_sr(np.sin(angle)) * np.maximum(np.cos(angle), 0.0)
-        return found
+        transmittance: np.ndarray = gathered * self.scatter_per_sr(np.sin(angle)) * np.maximum(np.cos(angle), 0.0)
+        return transmittance

@@ -161,8 +161,8 @@ def clip_line(start: float, by: float, high: float, begin: float, end: float) ->
     """
     if by == 0.0:
         return (begin, end) if 0.0 <= start < high else (1.0, 0.0)
-    one, other = -start / by, (high - start) / by
-    return max(begin, min(one, other)), min(end, max(one, other))
+    at_zero, at_high = -start / by, (high - start) / by
+    return max(begin, min(at_zero, at_high)), min(end, max(at_zero, at_high))
 
 
 @kernel
@@ -253,26 +253,26 @@ def sum_pixels(
     n = len(leaves)
     starts, pixels, counts = np.empty(n + 1, np.int64), np.empty(n, np.int32), np.empty(n, np.int64)
     photons, variances = np.empty(n), np.empty(n)
-    found = -1
+    at = -1
     for i in range(n):
         node = leaves[i]
         size = k * SIDES[nodes[node, LEVEL]]
         pixel = math.floor((nodes[node, ROW] + 0.5) / size) * n_cols + math.floor((nodes[node, COL] + 0.5) / size)
-        if found < 0 or pixels[found] != pixel:
-            found += 1
-            starts[found], pixels[found], counts[found] = i, pixel, 0
-            photons[found] = variances[found] = 0.0
-        photons[found] += light[node] / (size * size)
-        variances[found] += variance[node]
-        counts[found] += variance[node] > 0.0
-    found += 1
-    starts[found] = n
+        if at < 0 or pixels[at] != pixel:
+            at += 1
+            starts[at], pixels[at], counts[at] = i, pixel, 0
+            photons[at] = variances[at] = 0.0
+        photons[at] += light[node] / (size * size)
+        variances[at] += variance[node]
+        counts[at] += variance[node] > 0.0
+    at += 1
+    starts[at] = n
     return (
-        starts[: found + 1].copy(),
-        pixels[:found].copy(),
-        photons[:found].copy(),
-        variances[:found].copy(),
-        counts[:found].copy(),
+        starts[: at + 1].copy(),
+        pixels[:at].copy(),
+        photons[:at].copy(),
+        variances[:at].copy(),
+        counts[:at].copy(),
     )
 
 

@@ -89,7 +89,7 @@ def _rays(
 def _full_grid(receiver: Receiver) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return direction (ray, xyz), pixel and weight of the rays through all cells."""
     n_rows, n_cols = (size * receiver.rays_per_side for size in receiver.shape)
-    made = _rays(receiver, packed(np.zeros((n_rows, n_cols), np.int16)), 0, 0, n_rows * n_cols, *_NO_BLOCKS)
-    for values in made:
+    arrays = _rays(receiver, packed(np.zeros((n_rows, n_cols), np.int16)), 0, 0, n_rows * n_cols, *_NO_BLOCKS)
+    for values in arrays:
         values.flags.writeable = False
-    return made
+    return arrays

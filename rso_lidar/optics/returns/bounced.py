@@ -145,7 +145,7 @@ def find_near_hits(
     -------
     (path) i8, number of the hit, or -1 where the pixel has none.
     """
-    found = np.full(len(pixel), -1, np.int64)
+    nearest_hit = np.full(len(pixel), -1, np.int64)
     for k in range(len(pixel)):
         if pixel[k] < 0:
             continue
@@ -158,8 +158,8 @@ def find_near_hits(
             )
             apart = x * x + y * y + z * z
             if apart < nearest:
-                nearest, found[k] = apart, h
-    return found
+                nearest, nearest_hit[k] = apart, h
+    return nearest_hit
 
 
 def _depth_spread_s(hits: Hits, at: np.ndarray, share: float, receiver: Receiver) -> np.ndarray:

@@ -30,27 +30,27 @@ def find_clusters(
     cluster, cluster_pixel = np.empty(n, np.int32), np.empty(n, np.int32)
     order, sorted_s = np.empty(n, np.int64), np.empty(n)
     spare = np.empty(n, np.int64), np.empty(n)
-    found, start = 0, 0
+    number, start = 0, 0
     while start < n:
         stop, near, far = start, delay_s[start], delay_s[start]
         while stop < n and pixel[stop] == pixel[start]:
             near, far = min(near, delay_s[stop]), max(far, delay_s[stop])
             stop += 1
-        cluster_pixel[found] = pixel[start]
+        cluster_pixel[number] = pixel[start]
         if far - near <= gap_s:
-            cluster[start:stop] = found
+            cluster[start:stop] = number
         else:
             for k in range(start, stop):
                 order[k], sorted_s[k] = k, delay_s[k]
             sort_by(sorted_s, order, spare, start, stop)
-            cluster[order[start]] = found
+            cluster[order[start]] = number
             for k in range(start + 1, stop):
                 before, this = order[k - 1], order[k]
                 bridged = min(depth_spread_s[before], depth_spread_s[this])
                 if (delay_s[this] - delay_s[before]) - bridged > gap_s:
-                    found += 1
-                    cluster_pixel[found] = pixel[start]
-                cluster[this] = found
-        found += 1
+                    number += 1
+                    cluster_pixel[number] = pixel[start]
+                cluster[this] = number
+        number += 1
         start = stop
-    return cluster, cluster_pixel[:found].copy()
+    return cluster, cluster_pixel[:number].copy()

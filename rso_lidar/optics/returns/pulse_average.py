@@ -78,13 +78,13 @@ def _join_hits(hits: Sequence[Hits], shares: np.ndarray) -> tuple[Hits, list[np.
     -------
     The hits, and for each epoch the new numbers of its hits.
     """
-    rays, ray_number = _join_rays([one.rays for one in hits], shares)
-    ray = np.concatenate([number[one.ray] for number, one in zip(ray_number, hits, strict=True)])
+    rays, ray_number = _join_rays([epoch_hits.rays for epoch_hits in hits], shares)
+    ray = np.concatenate([number[epoch_hits.ray] for number, epoch_hits in zip(ray_number, hits, strict=True)])
     order = np.argsort(ray, kind="stable")
     joined = _join_arrays(hits, "hit", order)
     joined["ray"] = ray[order]
-    joined["weight"] = joined["weight"] * np.repeat(shares, [len(one.pixel) for one in hits])[order]
-    variance = _average_variance([one.photons_variance for one in hits], shares)
+    joined["weight"] = joined["weight"] * np.repeat(shares, [len(epoch_hits.pixel) for epoch_hits in hits])[order]
+    variance = _average_variance([epoch_hits.photons_variance for epoch_hits in hits], shares)
     return replace(hits[0], rays=rays, **joined, photons_variance=variance), _split_numbers(order, hits)
 
 
@@ -95,9 +95,9 @@ def _join_rays(rays: Sequence[Rays], shares: np.ndarray) -> tuple[Rays, list[np.
     ----------
     shares : (epoch) share of the pulses
     """
-    order = np.argsort(np.concatenate([one.pixel for one in rays]), kind="stable")
+    order = np.argsort(np.concatenate([epoch_rays.pixel for epoch_rays in rays]), kind="stable")
     joined = _join_arrays(rays, "ray", order)
-    joined["weight"] = joined["weight"] * np.repeat(shares, [len(one.pixel) for one in rays])[order]
+    joined["weight"] = joined["weight"] * np.repeat(shares, [len(epoch_rays.pixel) for epoch_rays in rays])[order]
     return replace(rays[0], **joined), _split_numbers(order, rays)
 
 
@@ -111,8 +111,8 @@ def _join_arrays(records: Sequence[Record], dim: str, order: np.ndarray) -> dict
     joined: dict[str, Any] = {}
     for name, spec in specs(type(records[0])).items():
         if spec.dims[0] == dim:
-            values = [getattr(one, name) for one in records]
-            joined[name] = None if any(one is None for one in values) else np.concatenate(values)[order]
+            values = [getattr(record, name) for record in records]
+            joined[name] = None if any(value is None for value in values) else np.concatenate(values)[order]
     return joined
 
 
@@ -120,7 +120,7 @@ def _split_numbers(order: np.ndarray, of: Sequence[Hits] | Sequence[Rays]) -> li
     """Return, for each epoch, the places to which an order puts its rows."""
     place = np.empty(len(order), np.int32)
     place[order] = np.arange(len(order), dtype=np.int32)
-    return np.split(place, np.cumsum([len(one.pixel) for one in of])[:-1])
+    return np.split(place, np.cumsum([len(record.pixel) for record in of])[:-1])
 
 
 def _join_photons(
@@ -134,11 +134,13 @@ def _join_photons(
     pulse_epoch : (pulse) epoch of each pulse
     hit_number : (epoch) of (hit), new numbers of the hits
     """
-    order = np.argsort(np.concatenate([one.pixel for one in photons]), kind="stable")
-    counts = [len(one.pixel) for one in photons]
+    order = np.argsort(np.concatenate([epoch_photons.pixel for epoch_photons in photons]), kind="stable")
+    counts = [len(epoch_photons.pixel) for epoch_photons in photons]
     joined = _join_arrays(photons, "return", order)
     joined["photons"] = joined["photons"] * np.repeat(shares, counts)[order]
-    joined["hit"] = np.concatenate([new[one.hit] for new, one in zip(hit_number, photons, strict=True)])[order]
+    joined["hit"] = np.concatenate(
+        [new[epoch_photons.hit] for new, epoch_photons in zip(hit_number, photons, strict=True)]
+    )[order]
     joined["epoch"] = np.repeat(np.arange(len(photons), dtype=np.int32), counts)[order]
     joined["cluster"], joined["cluster_pixel"] = find_clusters(
         packed(joined["pixel"]), packed(joined["delay_s"]), packed(joined["depth_spread_s"]), photons[0].pulse_fwhm_s
@@ -146,9 +148,11 @@ def _join_photons(
     return replace(
         photons[0],
         **joined,
-        filled_fraction=_average([one.filled_fraction for one in photons], shares),
-        background_photons_per_s=_average([one.background_photons_per_s for one in photons], shares),
-        photons_variance=_average_variance([one.photons_variance for one in photons], shares),
+        filled_fraction=_average([epoch_photons.filled_fraction for epoch_photons in photons], shares),
+        background_photons_per_s=_average(
+            [epoch_photons.background_photons_per_s for epoch_photons in photons], shares
+        ),
+        photons_variance=_average_variance([epoch_photons.photons_variance for epoch_photons in photons], shares),
         pulse_epoch=pulse_epoch,
     )
 

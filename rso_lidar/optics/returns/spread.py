@@ -35,23 +35,23 @@ def locate_rays(
 
 
 @kernel
-def interpolate_shares(table: np.ndarray, down: float, across: float, found: np.ndarray) -> None:
+def interpolate_shares(table: np.ndarray, down: float, across: float, shares: np.ndarray) -> None:
     """Interpolate shares linearly between the middles of sub-cells, so that the centroid of the light is exact.
 
     Parameters
     ----------
     table : (sub-cell, column), sub-cells by row and column, with one more on each side of the pixel
     down, across : place in the pixel, from its upper and left edges [pixels]
-    found : (column), written
+    shares : (column), written
     """
     wide = int(math.sqrt(len(table)) + 0.5)
     y, x = down * (wide - 2) + 0.5, across * (wide - 2) + 0.5  # in sub-cells from the middle of the first
     row, col = min(int(y), wide - 2), min(int(x), wide - 2)
     y, x, at = y - row, x - col, row * wide + col
-    for j in range(len(found)):
+    for j in range(len(shares)):
         upper = (1.0 - x) * table[at, j] + x * table[at + 1, j]
         lower = (1.0 - x) * table[at + wide, j] + x * table[at + wide + 1, j]
-        found[j] = (1.0 - y) * upper + y * lower
+        shares[j] = (1.0 - y) * upper + y * lower
 
 
 @kernel
@@ -108,7 +108,7 @@ def group_by_delay(pixel: np.ndarray, delay_s: np.ndarray, bin_s: float) -> tupl
     order, number, starts = np.empty(n, np.int64), np.empty(n), np.empty(n + 1, np.int64)
     spare = np.empty(n, np.int64), np.empty(n)
     nearest = delay_s.min()
-    found, start = 0, 0
+    n_groups, start = 0, 0
     while start < n:
         stop, same = start, True
         while stop < n and pixel[stop] == pixel[start]:
@@ -120,11 +120,11 @@ def group_by_delay(pixel: np.ndarray, delay_s: np.ndarray, bin_s: float) -> tupl
             sort_by(number, order, spare, start, stop)
         for k in range(start, stop):
             if k == start or number[k] != number[k - 1]:
-                starts[found] = k
-                found += 1
+                starts[n_groups] = k
+                n_groups += 1
         start = stop
-    starts[found] = n
-    return order, starts[: found + 1].copy()
+    starts[n_groups] = n
+    return order, starts[: n_groups + 1].copy()
 
 
 @kernel
@@ -322,13 +322,13 @@ def gather_returns(
     source, delay_s, spare = np.empty(n, np.int64), np.empty(n), (np.empty(n, np.int64), np.empty(n))
     pixel, hit = np.empty(n, np.int32), np.empty(n, np.int32)
     photons, spread_s, coherence_cells = np.empty(n), np.empty(n), np.empty(n)
-    made = 0
+    n_returns = 0
     for row in range(max(top, 0), min(bottom + 1, n_rows)):
         for col in range(max(left, 0), min(right + 1, n_cols)):
-            p, start = row * n_cols + col, made
+            p, start = row * n_cols + col, n_returns
             for g in range(begins[p], begins[p + 1]):
-                source[made], delay_s[made] = (g << slots_log2) + middle, sent_s[g, middle]
-                made += 1
+                source[n_returns], delay_s[n_returns] = (g << slots_log2) + middle, sent_s[g, middle]
+                n_returns += 1
             j = 0
             for down in range(row + reach, row - reach - 1, -1):
                 for across in range(col + reach, col - reach - 1, -1):
@@ -336,15 +336,15 @@ def gather_returns(
                         q = down * n_cols + across
                         for g in range(begins[q], begins[q + 1]):
                             if sent[g, j] > 0.0:
-                                source[made], delay_s[made] = (g << slots_log2) + j, sent_s[g, j]
-                                made += 1
+                                source[n_returns], delay_s[n_returns] = (g << slots_log2) + j, sent_s[g, j]
+                                n_returns += 1
                     j += 1
             for k in range(far_begins[p], far_begins[p + 1]):
-                source[made], delay_s[made] = (far_order[k] << slots_log2) + from_far, far[1][far_order[k]]
-                made += 1
-            if made - start > 1:
-                sort_by(delay_s, source, spare, start, made)
-            for k in range(start, made):
+                source[n_returns], delay_s[n_returns] = (far_order[k] << slots_log2) + from_far, far[1][far_order[k]]
+                n_returns += 1
+            if n_returns - start > 1:
+                sort_by(delay_s, source, spare, start, n_returns)
+            for k in range(start, n_returns):
                 g, j, pixel[k] = source[k] >> slots_log2, source[k] & ((1 << slots_log2) - 1), p
                 if j == from_far:
                     photons[k], spread_s[k], coherence_cells[k], hit[k] = far[2][g], far[3][g], far[4][g], far[5][g]
@@ -355,4 +355,11 @@ def gather_returns(
                         sent_cells[g, j],
                         brightest[g],
                     )
-    return pixel[:made], delay_s[:made], photons[:made], spread_s[:made], coherence_cells[:made], hit[:made]
+    return (
+        pixel[:n_returns],
+        delay_s[:n_returns],
+        photons[:n_returns],
+        spread_s[:n_returns],
+        coherence_cells[:n_returns],
+        hit[:n_returns],
+    )

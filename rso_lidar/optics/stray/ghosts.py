@@ -159,8 +159,8 @@ def _find_sources(
     if is_turned:
         row, col = shape[0] - 1 - row, shape[1] - 1 - col
     inside = (row >= 0) & (row < shape[0]) & (col >= 0) & (col < shape[1])
-    found = hit[np.where(inside, row * shape[1] + col, -1)]
-    return np.where(found >= 0, found, sources.hit[int(np.argmax(sources.photons))])
+    source_hit = hit[np.where(inside, row * shape[1] + col, -1)]
+    return np.where(source_hit >= 0, source_hit, sources.hit[int(np.argmax(sources.photons))])
 
 
 def _kernel(ghost: Ghost, receiver: Receiver) -> tuple[np.ndarray, tuple[float, float]]:

@@ -49,9 +49,9 @@ def see_sky(
     bodies = locate_bodies(truth, moon_m, glare.earth_albedo, has_earth=has_earth)
     per_m2 = band_photons_per_s_m2(laser, receiver)
     wanted = tuple(STRAY_BODIES.index(name) for name in sorted(set(glare.sources), key=STRAY_BODIES.index))
-    made = [bodies.elements(body, _half_field_rad(receiver), _knee_rad(glare)) for body in wanted]
-    directions, light, radius = (np.concatenate(columns) for columns in zip(*made, strict=True))
-    number = np.repeat(wanted, [len(one[1]) for one in made])
+    elements = [bodies.elements(body, _half_field_rad(receiver), _knee_rad(glare)) for body in wanted]
+    directions, light, radius = (np.concatenate(columns) for columns in zip(*elements, strict=True))
+    number = np.repeat(wanted, [len(body_elements[1]) for body_elements in elements])
     image = per_m2 * _image_sky(bodies, wanted, receiver)
     return Sky(image, directions, per_m2 * receiver.aperture_area_m2 * light, radius, number)
 
@@ -190,15 +190,15 @@ def sum_scatter(
     -------
     (node) scattered radiant intensity.
     """
-    found = np.zeros(len(sight))
+    scatter = np.zeros(len(sight))
     per_knee2, half = 1.0 / (knee * knee), 0.5 * slope
     for i in range(len(sight)):
         total = 0.0
         for k in range(len(toward)):
             x, y = sight[i, 0] - toward[k, 0], sight[i, 1] - toward[k, 1]
             total += strength[k] * (1.0 + (x * x + y * y + blur[k]) * per_knee2) ** half
-        found[i] = peak * total
-    return found
+        scatter[i] = peak * total
+    return scatter
 
 
 def _half_field_rad(receiver: Receiver) -> float:

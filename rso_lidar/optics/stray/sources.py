@@ -79,9 +79,9 @@ class SkyBodies:
         bodies : whose light is wanted; the others are dark, but hide what is behind them
         cell_rad : width of the cell about each direction [rad], over which the edges of the disks are averaged
         """
-        found = np.zeros(direction.shape[:-1])
+        radiance_per_sr = np.zeros(direction.shape[:-1])
         if self.sun is None:
-            return found
+            return radiance_per_sr
         for body, place, radius in (
             (SUN, self.sun, self.sun_radius_rad),
             (MOON, self.moon, self.moon_radius_rad),
@@ -97,8 +97,8 @@ class SkyBodies:
                 over = np.maximum(apart - (radius - 0.5 * cover * cell_rad), 0.0)
                 at = _move_toward(direction, place, over) if np.any(over) else direction
                 light = (self._sun_radiance, self._earth_radiance, self._moon_radiance)[body](at)
-            found = found * (1.0 - cover) + cover * light
-        return found
+            radiance_per_sr = radiance_per_sr * (1.0 - cover) + cover * light
+        return radiance_per_sr
 
     def _sun_radiance(self, direction: np.ndarray) -> np.ndarray:
         """Return the radiance (…) of the Sun's disc."""

@@ -203,7 +203,7 @@ def join_viewing_geometry(truths: Iterable[Truth], target: str) -> ViewingGeomet
     seen = [compute_viewing_geometry(truth, target) for truth in truths]
     return ViewingGeometry(
         **{
-            field.name: np.concatenate([getattr(one, field.name) for one in seen])
+            field.name: np.concatenate([getattr(geometry, field.name) for geometry in seen])
             for field in dataclasses.fields(ViewingGeometry)
         }
     )

@@ -166,9 +166,9 @@ def is_about_earth(time_s: np.ndarray, position_m: np.ndarray, velocity_m_s: np.
     step_s = np.diff(time_s)
     if not step_s.size:
         return True
-    made = np.linalg.norm(np.diff(velocity_m_s, axis=0), axis=-1) / step_s
+    acceleration_m_s2 = np.linalg.norm(np.diff(velocity_m_s, axis=0), axis=-1) / step_s
     expected = EARTH_GM_M3_S2 / np.sum(position_m[1:] ** 2, axis=-1)
-    return bool(np.median(made / expected) < _MOST_OF_GRAVITY)
+    return bool(np.median(acceleration_m_s2 / expected) < _MOST_OF_GRAVITY)
 
 
 def _orbits(state: BodyState) -> bool:

@@ -203,9 +203,9 @@ def _place_labels(axes: Axes, labels: Sequence[Annotation], flown_m: np.ndarray)
         taken.append(best[2])
 
 
-def _overlap_area(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
+def _overlap_area(box: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
     """Return the area shared by two boxes (left, low, right, high)."""
-    wide, high = min(one[2], other[2]) - max(one[0], other[0]), min(one[3], other[3]) - max(one[1], other[1])
+    wide, high = min(box[2], other[2]) - max(box[0], other[0]), min(box[3], other[3]) - max(box[1], other[1])
     return max(wide, 0.0) * max(high, 0.0)
 
 

@@ -168,8 +168,8 @@ def pixel_rad(frame: Frame) -> float:
     """Return the angle [rad] between the lines of sight of two adjacent pixels in the middle of the field."""
     n_rows, n_cols = frame.valid.shape
     row, col = n_rows // 2, n_cols // 2
-    one, other = frame.line_of_sight[row, col], frame.line_of_sight[row, max(col - 1, 0)]
-    return float(2 * np.arcsin(0.5 * np.linalg.norm(one - other)))
+    direction, neighbour = frame.line_of_sight[row, col], frame.line_of_sight[row, max(col - 1, 0)]
+    return float(2 * np.arcsin(0.5 * np.linalg.norm(direction - neighbour)))
 
 
 @dataclass(frozen=True, eq=False)

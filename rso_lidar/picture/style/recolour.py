@@ -80,14 +80,17 @@ def _exchange(colour: Any, table: dict[tuple[float, ...], Rgba]) -> Any:
         return None
     if is_color_like(colour):
         old = to_rgba(colour)
-        found = table.get(_key(old)) if old[3] > 0.0 else None  # nothing is seen of it
-        return None if found is None else (*found[:3], old[3])
+        counterpart = table.get(_key(old)) if old[3] > 0.0 else None  # nothing is seen of it
+        return None if counterpart is None else (*counterpart[:3], old[3])
     if not isinstance(colour, np.ndarray) or colour.ndim != 2 or not len(colour):
         return None
-    found_all = [_exchange(tuple(row), table) for row in colour]
-    if all(found is None for found in found_all):
+    counterparts = [_exchange(tuple(row), table) for row in colour]
+    if all(counterpart is None for counterpart in counterparts):
         return None
-    return [tuple(row) if found is None else found for row, found in zip(colour, found_all, strict=True)]
+    return [
+        tuple(row) if counterpart is None else counterpart
+        for row, counterpart in zip(colour, counterparts, strict=True)
+    ]
 
 
 def _recolour_ticks(axis: Any, table: dict[tuple[float, ...], Rgba]) -> None:

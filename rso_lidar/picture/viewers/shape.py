@@ -31,8 +31,8 @@ class Shape:
     @cached_property
     def normals(self) -> np.ndarray:
         """Unit normals of the facets (facet, xyz) by winding, zero for a facet without area."""
-        one, other = (self.corners_m[:, k] - self.corners_m[:, 0] for k in (1, 2))
-        normals = np.cross(one, other)
+        first_side, second_side = (self.corners_m[:, k] - self.corners_m[:, 0] for k in (1, 2))
+        normals = np.cross(first_side, second_side)
         length = np.sqrt((normals**2).sum(axis=-1, keepdims=True))
         return np.asarray(normals / np.where(length > 0, length, 1.0))
 
@@ -54,9 +54,9 @@ class Shape:
         edges, edge, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
         order = np.argsort(edge.reshape(-1), kind="stable")
         starts = np.cumsum(count) - count
-        one, other = facet[order[starts]], facet[order[starts + count - 1]]
+        first_facet, last_facet = facet[order[starts]], facet[order[starts + count - 1]]
         bend = np.abs(
-            (self.normals[one] * self.normals[other]).sum(axis=-1)
+            (self.normals[first_facet] * self.normals[last_facet]).sum(axis=-1)
         )  # winding does not tell which side is outside
         seen = (count != 2) | (bend < SHARP_COS)
         ends = self.corners_m.reshape(-1, 3)[first[edges[seen]]]

@@ -83,7 +83,7 @@ def spread_paths(
     The hit of each path, and three numbers from 0 to 1 for each path (3, path).
     """
     hit, uniform = np.empty(most, np.int32), np.empty((3, most))
-    made, j, reached = 0, 0, 0.0
+    n_paths, j, reached = 0, 0, 0.0
     shift_0 = shift_1 = shift_2 = 0.0
     for k in range(len(pixel)):
         if k == 0 or pixel[k] != pixel[k - 1]:
@@ -93,12 +93,12 @@ def spread_paths(
             shift_1 = (np.float64(words[2]) + 0.5) * _WORD
             shift_2 = (np.float64(words[3]) + 0.5) * _WORD
         reached += per_pixel * area[k]
-        while reached >= 1.0 and made < most:
+        while reached >= 1.0 and n_paths < most:
             reached -= 1.0
-            hit[made] = k
-            uniform[0, made] = (shift_0 + j * STEPS[0]) % 1.0
-            uniform[1, made] = (shift_1 + j * STEPS[1]) % 1.0
-            uniform[2, made] = (shift_2 + j * STEPS[2]) % 1.0
-            made += 1
+            hit[n_paths] = k
+            uniform[0, n_paths] = (shift_0 + j * STEPS[0]) % 1.0
+            uniform[1, n_paths] = (shift_1 + j * STEPS[1]) % 1.0
+            uniform[2, n_paths] = (shift_2 + j * STEPS[2]) % 1.0
+            n_paths += 1
             j += 1
-    return hit[:made].copy(), uniform[:, :made].copy()
+    return hit[:n_paths].copy(), uniform[:, :n_paths].copy()

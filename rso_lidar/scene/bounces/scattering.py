@@ -54,13 +54,13 @@ def scatter_per_sr(points: LocalHits, light: np.ndarray, viewer: np.ndarray) -> 
     light, viewer : (xyz, path), unit vectors from the points, in the surface's axes
     """
     above = (dot(points.facing, light) > 0.0) & (dot(points.facing, viewer) > 0.0)
-    cos_in, cos_out = (np.clip(dot(points.normal, one), 0.0, 1.0) for one in (light, viewer))
+    cos_in, cos_out = (np.clip(dot(points.normal, direction), 0.0, 1.0) for direction in (light, viewer))
     phase = np.clip(dot(light, viewer), -1.0, 1.0)
     brdf = points.surface.brdf_per_sr(points.facet, cos_in, cos_out, phase)
     on = points.crinkled
     if len(on):
         base = points.base[:, on]
-        base_in, base_out = (np.clip(dot(base, one[:, on]), LEAST_COSINE, 1.0) for one in (light, viewer))
+        base_in, base_out = (np.clip(dot(base, direction[:, on]), LEAST_COSINE, 1.0) for direction in (light, viewer))
         cos_tilt = dot(points.normal[:, on], base)
         brdf[on] *= cos_in[on] * cos_out[on] / (base_in * base_out * cos_tilt)
         brdf[on] *= masking_shadowing(base_in, base_out, phase[on], points.slope[on])

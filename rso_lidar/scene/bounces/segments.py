@@ -35,7 +35,7 @@ def find_segments(starts: LocalHits, toward: np.ndarray, asked: np.ndarray) -> S
     n = len(starts.facet)
     centre, radius = starts.surface.sphere
     off_m = OFF_THE_FACET * (radius + float(np.linalg.norm(centre)))
-    found = Segments(np.full(n, -1, np.int16), np.zeros(n, np.int32), np.where(asked, np.inf, 0.0))
+    segments = Segments(np.full(n, -1, np.int16), np.zeros(n, np.int32), np.where(asked, np.inf, 0.0))
     point, facing, toward = packed(starts.point), packed(starts.facing), packed(toward)
     embree = engine()
     for number, other in enumerate(starts.surfaces):
@@ -45,9 +45,11 @@ def find_segments(starts: LocalHits, toward: np.ndarray, asked: np.ndarray) -> S
         scene, sphere = other.scene(embree), np.append(*other.sphere)
         placed = packed(origin), packed(turn), packed(sphere), packed(other.planes)
         asks = embree.intersect, scene.address, embree.width
-        meet_surface(found.number, found.facet, found.length_m, number, point, facing, off_m, toward, *placed, *asks)
+        meet_surface(
+            segments.number, segments.facet, segments.length_m, number, point, facing, off_m, toward, *placed, *asks
+        )
         embree.check()
-    return found
+    return segments
 
 
 @kernel

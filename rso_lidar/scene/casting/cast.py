@@ -90,7 +90,7 @@ def _average_over_lens(
     -------
     the hits with that BRDF.
     """
-    retros = [(n, k, m) for n, one in enumerate(surfaces) for k, m in enumerate(one.materials) if m.is_retro]
+    retros = [(n, k, m) for n, surface in enumerate(surfaces) for k, m in enumerate(surface.materials) if m.is_retro]
     if not retros:
         return hits
     brdf = hits.brdf_per_sr.copy()

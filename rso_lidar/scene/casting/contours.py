@@ -46,7 +46,7 @@ def contours(surfaces: Sequence[Surface], truth: Truth) -> Contours:
     -------
     the contours, in the tangent plane.
     """
-    found, steps, numbers = [np.empty((0, 4))], [np.empty(0)], [np.empty(0, np.int16)]
+    lines, steps, numbers = [np.empty((0, 4))], [np.empty(0)], [np.empty(0, np.int16)]
     for number, surface in enumerate(surfaces):
         edges = _edges.get(surface)
         translation, matrix = truth.poses.place("lidar", surface.name)
@@ -61,10 +61,10 @@ def contours(surfaces: Sequence[Surface], truth: Truth) -> Contours:
         ends, step = project_edges(
             edges.points, edges.ends, edges.facets, edges.beyond, brightness, packed(translation), packed(matrix)
         )
-        found.append(ends)
+        lines.append(ends)
         steps.append(step)
         numbers.append(np.full(len(step), number, np.int16))
-    return Contours(np.concatenate(found), np.concatenate(steps), np.concatenate(numbers))
+    return Contours(np.concatenate(lines), np.concatenate(steps), np.concatenate(numbers))
 
 
 @kernel
@@ -124,7 +124,7 @@ def project_edges(
         depth = max(depth, _LEAST_DEPTH_M)
         right[i] = (matrix[0, 0] * px + matrix[0, 1] * py + matrix[0, 2] * pz + translation[0]) / depth
         down[i] = (matrix[1, 0] * px + matrix[1, 1] * py + matrix[1, 2] * pz + translation[1]) / depth
-    found, steps, count = np.empty((len(ends), 4)), np.empty(len(ends)), 0
+    lines, steps, count = np.empty((len(ends), 4)), np.empty(len(ends)), 0
     for e in range(len(ends)):
         a, b = ends[e, 0], ends[e, 1]
         if not (is_ahead[a] and is_ahead[b]):
@@ -134,16 +134,16 @@ def project_edges(
             other = brightness[facets[e, 1]]
             c, d = beyond[e, 0], beyond[e, 1]
             across, along = right[b] - right[a], down[b] - down[a]
-            one = across * (down[c] - down[a]) - along * (right[c] - right[a])
-            two = across * (down[d] - down[a]) - along * (right[d] - right[a])
-            if one * two < 0.0:
+            side_c = across * (down[c] - down[a]) - along * (right[c] - right[a])
+            side_d = across * (down[d] - down[a]) - along * (right[d] - right[a])
+            if side_c * side_d < 0.0:
                 continue
             step = max(step, other)
         if step > 0.0:
-            found[count, 0], found[count, 1], found[count, 2], found[count, 3] = right[a], down[a], right[b], down[b]
+            lines[count, 0], lines[count, 1], lines[count, 2], lines[count, 3] = right[a], down[a], right[b], down[b]
             steps[count] = step
             count += 1
-    return found[:count].copy(), steps[:count].copy()
+    return lines[:count].copy(), steps[:count].copy()
 
 
 def _find_edges(surface: Surface) -> FacetEdges:
@@ -168,7 +168,7 @@ def _find_edges(surface: Surface) -> FacetEdges:
     second = np.where(pair, start + 1, start)
     facets = np.stack([facet[start], np.where(pair, facet[second], _NONE)], axis=1)
     others = np.stack([beyond[start], np.where(pair, beyond[second], _NONE)], axis=1)
-    columns = [np.ascontiguousarray(one.astype(np.int32)) for one in (sides[start], facets, others)]
+    columns = [np.ascontiguousarray(array.astype(np.int32)) for array in (sides[start], facets, others)]
     for values in (points, *columns):
         values.flags.writeable = False
     return FacetEdges(points, *columns)

@@ -84,14 +84,14 @@ def project_outlines(
         y[i] /= z[i]
         bounds[0], bounds[1] = min(bounds[0], x[i]), min(bounds[1], y[i])
         bounds[2], bounds[3] = max(bounds[2], x[i]), max(bounds[3], y[i])
-    made = 0
+    n_corners = 0
     for piece in range(len(starts) - 1):
         first, last = starts[piece], starts[piece + 1]
         sort_points(x, y, first, last)
-        made = append_side(x, y, first, last, 1, corners, made)
-        made = append_side(x, y, first, last, -1, corners, made)
-        ends[piece + 1] = made
-    return some, every, bounds, corners[:made], ends
+        n_corners = append_side(x, y, first, last, 1, corners, n_corners)
+        n_corners = append_side(x, y, first, last, -1, corners, n_corners)
+        ends[piece + 1] = n_corners
+    return some, every, bounds, corners[:n_corners], ends
 
 
 @kernel
@@ -116,28 +116,33 @@ def sort_points(x: np.ndarray, y: np.ndarray, first: int, last: int) -> None:
 
 
 @kernel
-def append_side(x: np.ndarray, y: np.ndarray, first: int, last: int, way: int, corners: np.ndarray, made: int) -> int:
+def append_side(
+    x: np.ndarray, y: np.ndarray, first: int, last: int, way: int, corners: np.ndarray, n_corners: int
+) -> int:
     """Append one side of the convex outline of sorted points, without its last point (Andrew's monotone chain).
 
     Parameters
     ----------
     x, y : (point), the points; those from `first` to `last` are sorted
     way : 1 along the side of small y, -1 back along the other
-    corners : (corner, 2), to which the side is written behind the first `made`
-    made : number of corners so far
+    corners : (corner, 2), to which the side is written behind the first `n_corners`
+    n_corners : number of corners so far
 
     Returns
     -------
     The number of corners now.
     """
-    begin = made
+    begin = n_corners
     for step in range(last - first):
         i = first + step if way > 0 else last - 1 - step
-        while made - begin >= 2:
-            ax, ay = corners[made - 1, 0] - corners[made - 2, 0], corners[made - 1, 1] - corners[made - 2, 1]
-            if ax * (y[i] - corners[made - 2, 1]) > ay * (x[i] - corners[made - 2, 0]):
+        while n_corners - begin >= 2:
+            ax, ay = (
+                corners[n_corners - 1, 0] - corners[n_corners - 2, 0],
+                corners[n_corners - 1, 1] - corners[n_corners - 2, 1],
+            )
+            if ax * (y[i] - corners[n_corners - 2, 1]) > ay * (x[i] - corners[n_corners - 2, 0]):
                 break
-            made -= 1
-        corners[made, 0], corners[made, 1] = x[i], y[i]
-        made += 1
-    return made - 1
+            n_corners -= 1
+        corners[n_corners, 0], corners[n_corners, 1] = x[i], y[i]
+        n_corners += 1
+    return n_corners - 1

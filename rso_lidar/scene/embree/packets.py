@@ -48,9 +48,9 @@ class _CallAddress:
             return types.void(*[types.intp] * 5), code
 
         known = cpu_target.typing_context
-        made = intrinsic(call)
+        call_intrinsic = intrinsic(call)
         known.refresh()  # the compiler is running: it has to see the new intrinsic
-        return known.resolve_value_type(made)
+        return known.resolve_value_type(call_intrinsic)
 
 
 _call = _CallAddress()

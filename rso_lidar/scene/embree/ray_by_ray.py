@@ -55,7 +55,9 @@ class RayByRay:
         # A C function cannot raise. An error is kept, and raised when the kernel has returned.
         self._errors: list[BaseException] = []
         self._functions = tuple(_Question(self._guard(answer)) for answer in (_find_first, _find_any))
-        self.intersect, self.occluded = (ctypes.cast(one, ctypes.c_void_p).value or 0 for one in self._functions)
+        self.intersect, self.occluded = (
+            ctypes.cast(function, ctypes.c_void_p).value or 0 for function in self._functions
+        )
 
     def build(self, triangles: np.ndarray) -> EmbreexScene:
         """Build the acceleration structure of triangles (facet, corner, xyz) [m]."""
@@ -101,11 +103,11 @@ def _find_first(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:
     packet : (row, ray) f4, in the layout of embree's packets
     count : number of rays
     """
-    found = scene.run(*_rays(packet), query="INTERSECT", output=1)
-    met = found["primID"] >= 0
-    packet[FACET, met] = found["primID"][met].astype(np.uint32).view(np.float32)
+    hits = scene.run(*_rays(packet), query="INTERSECT", output=1)
+    met = hits["primID"] >= 0
+    packet[FACET, met] = hits["primID"][met].astype(np.uint32).view(np.float32)
     packet[GEOMETRY, met] = 0.0
-    packet[FAR, met] = found["tfar"][met]
+    packet[FAR, met] = hits["tfar"][met]
 
 
 def _find_any(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:

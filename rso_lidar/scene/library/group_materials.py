@@ -21,12 +21,12 @@ def materials_of(groups: Iterable[str]) -> dict[str, str]:
     """
     known = {name: name for name in load_materials()}
     lines = [*_read(own_folder() / TABLE).items(), *known.items(), *_read(shipped("models") / TABLE).items()]
-    found = {}
+    materials = {}
     for group in groups:
         fits = (material for pattern, material in lines if fnmatchcase(group.lower(), pattern.lower()))
         if (material := next(fits, None)) is not None:
-            found[group] = material
-    return found
+            materials[group] = material
+    return materials
 
 
 def _read(path: Path) -> dict[str, str]:

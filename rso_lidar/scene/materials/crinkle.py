@@ -90,7 +90,7 @@ class Crinkled(MaterialPart):
         """Return the mean BRDF [1/sr] over many cells, by Gauss-Hermite quadrature over their slopes."""
         shape = np.shape(cos_in)
         given = np.broadcast_arrays(*complete_cosines(cos_in, cos_out, cos_phase))
-        cos_in, cos_out, phase = (np.reshape(one, (-1, 1)) for one in given)
+        cos_in, cos_out, phase = (np.reshape(cosine, (-1, 1)) for cosine in given)
         node, weight = _nodes()
         p, q = (grid.ravel() * self.rms_slope for grid in np.meshgrid(node, node, indexing="ij"))
         share = np.outer(weight, weight).ravel()
@@ -130,8 +130,10 @@ def masking_shadowing(
     cos_in, cos_out = np.clip(cos_in, 1e-9, 1.0), np.clip(cos_out, 1e-9, 1.0)
     flat = np.sqrt(np.maximum(1.0 - cos_in**2, 1e-18) * np.maximum(1.0 - cos_out**2, 1e-18))
     turn = 4.41 * np.arccos(np.clip((cos_phase - cos_in * cos_out) / flat, -1.0, 1.0))
-    one, other = _smith_lambda(cos_in, slope), _smith_lambda(cos_out, slope)
-    share: np.ndarray = 1.0 / (1.0 + np.maximum(one, other) + turn / (turn + 1.0) * np.minimum(one, other))
+    lambda_in, lambda_out = _smith_lambda(cos_in, slope), _smith_lambda(cos_out, slope)
+    share: np.ndarray = 1.0 / (
+        1.0 + np.maximum(lambda_in, lambda_out) + turn / (turn + 1.0) * np.minimum(lambda_in, lambda_out)
+    )
     return share
 
 

@@ -239,8 +239,8 @@ class _Completed(Scatterer):
 
     def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
         """Return the normals that the object tilts, or else those given, checked."""
-        found = call_member(self._material, "tilt_normals", normal, point, default=normal)
-        return check_values(self._material, "tilt_normals", found, shape=normal.shape, least=-1.0, most=1.0)
+        tilted = call_member(self._material, "tilt_normals", normal, point, default=normal)
+        return check_values(self._material, "tilt_normals", tilted, shape=normal.shape, least=-1.0, most=1.0)
 
     def average_over_lens(
         self,
@@ -252,8 +252,8 @@ class _Completed(Scatterer):
     ) -> np.ndarray:
         """Return the object's mean BRDF [1/sr] over a lens, or else its BRDF, checked."""
         given = (peak_per_sr, direction, range_m, laser_from_m, aperture_m)
-        found = call_member(self._material, "average_over_lens", *given, default=peak_per_sr)
-        check = partial(check_values, self._material, "average_over_lens", found)
+        mean_per_sr = call_member(self._material, "average_over_lens", *given, default=peak_per_sr)
+        check = partial(check_values, self._material, "average_over_lens", mean_per_sr)
         return check(shape=np.shape(peak_per_sr), least=0.0, most=GREATEST)
 
     def _ask(
@@ -279,10 +279,10 @@ class _Completed(Scatterer):
         method = method if hasattr(own, method) else "brdf_per_sr"
         cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         cosines = [lock_array(values) for values in np.broadcast_arrays(cos_in, cos_out, phase)]
-        found = getattr(own, method)(*cosines)
-        brdf = to_real_array(found)
+        answer = getattr(own, method)(*cosines)
+        brdf = to_real_array(answer)
         if brdf is None:
-            raise make_answer_error(own, method, found, "return a real number for each hit")
+            raise make_answer_error(own, method, answer, "return a real number for each hit")
         if brdf.shape not in ((), cosines[0].shape):
             raise ScenarioError(
                 f"{self.summarize()}: {method} returns an array of shape {brdf.shape} for cosines of shape "

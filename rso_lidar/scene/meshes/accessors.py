@@ -103,17 +103,17 @@ class GltfFile:
         MeshError
             If the value is not such a list.
         """
-        found = table.get(key, [])
-        if not isinstance(found, list) or not all(isinstance(entry, of) for entry in found):
+        entries = table.get(key, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, of) for entry in entries):
             raise self.refuse(f"'{key}' is not a list as glTF defines it; export it again")
-        return found
+        return entries
 
     def table_of(self, table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
         """Return a table inside a glTF table, empty if it is absent."""
-        found = table.get(key, {})
-        if not isinstance(found, dict):
+        inner_table = table.get(key, {})
+        if not isinstance(inner_table, dict):
             raise self.refuse(f"'{key}' is not a table as glTF defines it; export it again")
-        return found
+        return inner_table
 
     def count_of(self, table: Mapping[str, Any], key: str, default: int | None = None) -> int:
         """Return a count or an index of a glTF table.
@@ -129,10 +129,10 @@ class GltfFile:
         MeshError
             If the value is not an integer from 0 up.
         """
-        found = table.get(key, default)
-        if type(found) is not int or found < 0:
-            raise self.refuse(f"'{key}' is {str(found)[:20]} and not a count; export it again")
-        return found
+        count = table.get(key, default)
+        if type(count) is not int or count < 0:
+            raise self.refuse(f"'{key}' is {str(count)[:20]} and not a count; export it again")
+        return count
 
     def numbers_of(self, table: Mapping[str, Any], key: str, length: int | None, default: list[float]) -> np.ndarray:
         """Return the finite numbers of a list of a glTF table.
@@ -144,13 +144,13 @@ class GltfFile:
         length : how many there are; None for any
         default : values if the key is absent
         """
-        found = table.get(key, default)
+        numbers = table.get(key, default)
         try:
-            values = np.array(found if isinstance(found, list) else None, dtype=float)
+            values = np.array(numbers if isinstance(numbers, list) else None, dtype=float)
         except (TypeError, ValueError, OverflowError):
             values = np.array(np.nan)
         if values.ndim != 1 or (length is not None and len(values) != length) or not np.isfinite(values).all():
-            raise self.refuse(f"'{key}' is {str(found)[:40]} and not numbers as glTF defines them; export it again")
+            raise self.refuse(f"'{key}' is {str(numbers)[:40]} and not numbers as glTF defines them; export it again")
         return values
 
     def entry(self, entries: list[Any], number: int, what: str) -> Any:

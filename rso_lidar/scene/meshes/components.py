@@ -54,8 +54,8 @@ def number_components(edge: np.ndarray, facets: int) -> np.ndarray:
 
     order = np.argsort(edge, kind="stable")
     same = np.flatnonzero(np.diff(edge[order]) == 0)
-    one, other = order[same] // 3, order[same + 1] // 3
-    graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(facets, facets))
+    facet, neighbour = order[same] // 3, order[same + 1] // 3
+    graph = coo_array((np.ones(len(facet), dtype=np.int8), (facet, neighbour)), shape=(facets, facets))
     component: np.ndarray = connected_components(graph, directed=False)[1]
     return component
 

@@ -87,11 +87,11 @@ def read_ply(path: Path, blob: bytes) -> list[MeshPiece]:
 
 def _read_header(path: Path, blob: bytes) -> tuple[str | None, list[_Element], bytes]:
     """Return the byte order ("" for ASCII, None where none is stated), the elements, and what follows the header."""
-    found = re.search(rb"^[ \t]*end_header[ \t]*(\r\n|\n|\r)", blob[:_LONGEST_HEADER], re.MULTILINE)
-    if found is None:
-        found = re.search(rb"\r[ \t]*end_header[ \t]*\r", blob[:_LONGEST_HEADER])
-    lines = number_lines(path, blob[: found.start() if found else _LONGEST_HEADER])
-    if next(lines, (0, ""))[1].strip() != "ply" or found is None:
+    match = re.search(rb"^[ \t]*end_header[ \t]*(\r\n|\n|\r)", blob[:_LONGEST_HEADER], re.MULTILINE)
+    if match is None:
+        match = re.search(rb"\r[ \t]*end_header[ \t]*\r", blob[:_LONGEST_HEADER])
+    lines = number_lines(path, blob[: match.start() if match else _LONGEST_HEADER])
+    if next(lines, (0, ""))[1].strip() != "ply" or match is None:
         raise ValueError
     order, elements = None, []
     for _, line in lines:
@@ -112,7 +112,7 @@ def _read_header(path: Path, blob: bytes) -> tuple[str | None, list[_Element], b
                 pass
             case _:
                 raise ValueError
-    return order, elements, blob[found.end() :]
+    return order, elements, blob[match.end() :]
 
 
 def _check_rows(path: Path, element: _Element, held: int) -> None:

@@ -82,8 +82,10 @@ def measure_symmetry(mesh: Mesh, symmetry: Symmetry) -> SymmetryDeviation:
         distance_m = np.linalg.norm(closest_point(corners[nearest.ravel()], places) - places, axis=1)
         distances.append(distance_m.reshape(-1, _NEIGHBOURS).min(axis=1))
     compared = [np.concatenate(distances)] if is_continuous else distances
-    mean_m = max(float(one.mean()) for one in compared)
-    most_m, nearly_all_m = np.max([np.percentile(one, (90.0, 99.0)) for one in compared], axis=0).tolist()
+    mean_m = max(float(deviations_m.mean()) for deviations_m in compared)
+    most_m, nearly_all_m = np.max(
+        [np.percentile(deviations_m, (90.0, 99.0)) for deviations_m in compared], axis=0
+    ).tolist()
     limit_m = min(PRECISION_M, _SIZE_FRACTION * float(mesh.size_m.max()))
     return SymmetryDeviation(mean_m, most_m, nearly_all_m, limit_m)
 

@@ -231,7 +231,7 @@ class Surface:
     @cached_property
     def crinkled(self) -> dict[int, Scatterer]:
         """Materials made of tilted cells, by index."""
-        return {number: one for number, one in enumerate(self.materials) if one.rms_slope > 0.0}
+        return {number: material for number, material in enumerate(self.materials) if material.rms_slope > 0.0}
 
     @cached_property
     def is_retro(self) -> np.ndarray:
