@@ -60,8 +60,8 @@ class PlanLimits:
                 if (largest_m_s2 := float(size.max())) > self.acceleration_m_s2:
                     raise ScenarioError(
                         f"max_acceleration_m_s2: at {times_s[np.argmax(size)]:.1f} s thrust accelerates by "
-                        f"{largest_m_s2:.4g} m/s2, more than {self.acceleration_m_s2:g} m/s2; fly slower or nearer to the V-bar, or "
-                        "raise the limit"
+                        f"{largest_m_s2:.4g} m/s2, more than {self.acceleration_m_s2:g} m/s2; fly slower or nearer to the "
+                        "V-bar, or raise the limit"
                     )
         if self.plume_half_angle_deg is not None and self.plume_range_m is not None:
             self._check_plume(plan, self.plume_half_angle_deg, self.plume_range_m)
