@@ -137,11 +137,11 @@ class FmuModel(Part):
                 raise ScenarioError(f"{place}: '{quantity}' is missing; name the variable of the FMU for it [{unit}]")
             given = mapping[quantity]
             entries = given if isinstance(given, tuple) else (given,)
-            found = 0
+            n_elements = 0
             for entry in entries:
                 if not isinstance(entry, str):
                     signals.append(Signal(quantity, None, 1, Conversion(0.0, float(entry))))
-                    found += 1
+                    n_elements += 1
                     continue
                 _check_variable(file, entry, description["variables"])
                 variable = description["variables"][entry]
@@ -153,9 +153,11 @@ class FmuModel(Part):
                     raise ScenarioError(f"{where} is a {variable['type']}, not a number; name another")
                 conversion = find_conversion(where, variable["unit"], self.units.get(entry), description["units"], unit)
                 signals.append(Signal(quantity, entry, variable["elements"], conversion))
-                found += variable["elements"]
-            if count and found != count:
-                raise ScenarioError(f"{place}: '{quantity}' has {count} elements, and {found} are given; correct them")
+                n_elements += variable["elements"]
+            if count and n_elements != count:
+                raise ScenarioError(
+                    f"{place}: '{quantity}' has {count} elements, and {n_elements} are given; correct them"
+                )
         return tuple(signals)
 
 

@@ -65,10 +65,12 @@ class Host:
             raise FmuError(f"is of FMI {description.fmiVersion}; export it for FMI 2 or 3")
         self.description, self.version = description, int(description.fmiVersion[0])
         here = platform if self.version == 2 else platform_tuple
-        found = sorted({name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1})
-        if here not in found:
+        platforms = sorted(
+            {name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1}
+        )
+        if here not in platforms:
             raise FmuError(
-                f"has no binary for {here} (it has {', '.join(found) or 'none'}); export it for this machine"
+                f"has no binary for {here} (it has {', '.join(platforms) or 'none'}); export it for this machine"
             )
         kinds = {"co_simulation": description.coSimulation, "model_exchange": description.modelExchange}
         return {
@@ -76,7 +78,7 @@ class Host:
             "version": self.version,
             "interfaces": [name for name, kind in kinds.items() if kind is not None],
             "can_restore": {name: bool(kind.canGetAndSetFMUstate) for name, kind in kinds.items() if kind is not None},
-            "variables": {one.name: _describe_variable(one) for one in description.modelVariables},
+            "variables": {variable.name: _describe_variable(variable) for variable in description.modelVariables},
             "units": {
                 unit.name: None if unit.baseUnit is None else _describe_unit(unit.baseUnit)
                 for unit in description.unitDefinitions
@@ -110,7 +112,7 @@ class Host:
         self.close()
         is_model = self.is_model = interface == "model_exchange"
         kind = self.description.modelExchange if is_model else self.description.coSimulation
-        variables = {one.name: one for one in self.description.modelVariables}
+        variables = {variable.name: variable for variable in self.description.modelVariables}
         self.inputs, self.outputs = [variables[name] for name in inputs], [variables[name] for name in outputs]
         self.step_s, self.tick, self.kind = step_s, 0, kind
         classes = (FMU2Model if is_model else FMU2Slave, FMU3Model if is_model else FMU3Slave)

@@ -108,8 +108,8 @@ class FmuRun:
     @property
     def checksums(self) -> Checksums:
         """Names, sizes and CRC-32 of the files in the FMU, by which another FMU of the same name is noticed."""
-        found: Checksums = self.description["checksums"]
-        return found
+        checksums: Checksums = self.description["checksums"]
+        return checksums
 
     def begin(self, first: np.ndarray, start: tuple[tuple[str, float], ...] = ()) -> tuple[FmuPoint, np.ndarray]:
         """Initialise the FMU at t = 0.
@@ -128,15 +128,15 @@ class FmuRun:
         ScenarioError
             If the FMU fails
         """
-        made = self.settings
+        settings = self.settings
         given = (
-            made.interface,
-            made.step_s,
-            made.tolerance,
-            [*made.start, *start],
-            [signal.variable for signal in made.inputs],
+            settings.interface,
+            settings.step_s,
+            settings.tolerance,
+            [*settings.start, *start],
+            [signal.variable for signal in settings.inputs],
             self._to_fmu(np.reshape(first, (1, -1)))[0],
-            [signal.variable for signal in made.outputs if signal.variable is not None],
+            [signal.variable for signal in settings.outputs if signal.variable is not None],
         )
         rows = self._process.ask("begin", *given)
         self._tick = 0

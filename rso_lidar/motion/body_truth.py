@@ -175,7 +175,7 @@ class _Evaluation:
 
     def flight_of(self, body: Body, model: CommandedModel) -> CommandedFlight:
         """Return the flight of a model of a body, with or without commands."""
-        name = next((name for name, one in body.models.items() if one is model), "")
+        name = next((name for name, candidate in body.models.items() if candidate is model), "")
         return self.flights.get(name) or model.fly_open_loop()
 
     def chief(self, name: str) -> Chief:
@@ -254,10 +254,10 @@ class _Evaluation:
             self.turning[body.name] = own_turning
             carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), there.angular_velocity_rad_s)
         relative = own_turning - carried
-        found = self.relative_turning.get(body.name, relative)
+        quotient = self.relative_turning.get(body.name, relative)
         # Skip a difference quotient that is unknown, or that differs only by the rounding of matrices over its step.
         link = Link(
-            (rho, chief_from_own), moved_m_s, np.where(np.abs(found - relative) > ROUNDING_RAD_S, found, relative)
+            (rho, chief_from_own), moved_m_s, np.where(np.abs(quotient - relative) > ROUNDING_RAD_S, quotient, relative)
         )
         return tree.with_node(body.origin, self.by_name[chief].origin, link)
 
@@ -311,7 +311,9 @@ class _Evaluation:
 
         def at(epochs: Epochs) -> Situation:
             some = list_dependencies(body, self.bodies)
-            there = self.move(some, [name for one in some for name in (one.origin, one.name)], epochs)
+            there = self.move(
+                some, [name for dependency in some for name in (dependency.origin, dependency.name)], epochs
+            )
             with suppress_warnings():
                 tree = there.evaluate()
             return there.situation(tree, body)
@@ -403,10 +405,10 @@ class Chief:
     @property
     def force_model(self) -> ForceModel | None:
         """Forces and maneuvers with which the body's own motion is integrated; None for any other motion."""
-        found: ForceModel | None = read_member(
+        model: ForceModel | None = read_member(
             self._by_name[self._name].motion, "force_model", None, (ForceModel, NoneType), "leave it out"
         )
-        return found
+        return model
 
     @cached_property
     def _order(self) -> tuple[str, ...]:

@@ -158,7 +158,7 @@ class Course:
         bodies = self.bodies
         if for_body is not None:
             if for_body.name not in self._needed:
-                needed = {one.name: one for one in list_dependencies(for_body, self.bodies)}
+                needed = {dependency.name: dependency for dependency in list_dependencies(for_body, self.bodies)}
                 self._needed[for_body.name] = [*(needed | {for_body.name: for_body}).values()]
             bodies = self._needed[for_body.name]
         with suppress_warnings():  # the flashes themselves have given all warnings
@@ -171,11 +171,11 @@ class Course:
         ----------
         body : one of the bodies
         """
-        found = {}
+        flights = {}
         for name, model in body.models.items():
             place = "motion" if model is body.motion else "attitude"
-            found[place] = self.flights.get(name) or model.fly_open_loop()
-        return found
+            flights[place] = self.flights.get(name) or model.fly_open_loop()
+        return flights
 
     def save(self) -> CourseState:
         """Return the present state, from which `restore` goes on."""
@@ -246,9 +246,9 @@ def _check_slews(bodies: Sequence[Body], flights: dict[str, CommandedFlight]) ->
         if not isinstance(body.attitude, Slew):
             continue
         moved = [
-            one.name
-            for one in list_dependencies(body, bodies)
-            if one.name in flights or f"{one.name}.attitude" in flights
+            dependency.name
+            for dependency in list_dependencies(body, bodies)
+            if dependency.name in flights or f"{dependency.name}.attitude" in flights
         ]
         if moved:
             raise ScenarioError(

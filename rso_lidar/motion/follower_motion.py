@@ -118,10 +118,10 @@ class FollowerMotion:
         if motion.relative_to is None:
             return axes_from_body, rate, rotate_vectors(np.swapaxes(axes_from_body, -1, -2), force)
         inertial_from_axes, turning = self._find_chief_axes(motion.relative_to, time_s, list_ahead)
-        found: tuple[np.ndarray, np.ndarray, np.ndarray] = leave_turning_axes(
+        inertial: tuple[np.ndarray, np.ndarray, np.ndarray] = leave_turning_axes(
             inertial_from_axes, turning, packed(axes_from_body), packed(rate), packed(force)
         )
-        return found
+        return inertial
 
     def _find_chief_axes(
         self, name: str, time_s: np.ndarray, list_ahead: Callable[[], np.ndarray]
@@ -340,8 +340,8 @@ def _find_targets(truth: Truth, follower: Body) -> dict[str, BodyState]:
 
 def _list_dynamics(time_s: np.ndarray, flights: Mapping[str, CommandedFlight]) -> dict[str, np.ndarray]:
     """Return states and inputs (time, entry) of the follower's state-space models."""
-    found = {}
+    dynamics = {}
     for place, flight in flights.items():
         if isinstance(flight, Flight):  # as `count_dynamics`
-            found[f"{place}.state"], found[f"{place}.input"] = flight(time_s), flight.inputs_at(time_s)
-    return found
+            dynamics[f"{place}.state"], dynamics[f"{place}.input"] = flight(time_s), flight.inputs_at(time_s)
+    return dynamics

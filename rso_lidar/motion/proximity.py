@@ -94,4 +94,4 @@ def list_commands(
     if flight is not None:
         return flight.list_commands(until_s)
     plan = find_plan(body, bodies, start_utc)
-    return tuple(one for one in plan.impulses if one.time_s <= until_s) if plan else ()
+    return tuple(impulse for impulse in plan.impulses if impulse.time_s <= until_s) if plan else ()

@@ -73,8 +73,8 @@ def find_center(trajectory: Any) -> CentralBody:
     ----------
     trajectory : any object; one about another body has the attribute `central_body`
     """
-    found = getattr(trajectory, "central_body", None)
-    return found if isinstance(found, CentralBody) else EARTH
+    center = getattr(trajectory, "central_body", None)
+    return center if isinstance(center, CentralBody) else EARTH
 
 
 def find_center_states(trajectory: Any, epochs: Epochs) -> BodyState | None:
@@ -92,8 +92,8 @@ def find_center_states(trajectory: Any, epochs: Epochs) -> BodyState | None:
     """
     if find_center(trajectory) is EARTH:
         return None
-    found: BodyState = trajectory.center_states(epochs)
-    return found
+    states: BodyState = trajectory.center_states(epochs)
+    return states
 
 
 def subtract_center(states: BodyState, center: BodyState | None) -> BodyState:

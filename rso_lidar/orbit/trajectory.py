@@ -107,10 +107,10 @@ def find_breaks_s(trajectory: Any, epochs: Epochs) -> np.ndarray:
     trajectory : any object with the method `states`
     epochs : instants that matter
     """
-    found = call_member(trajectory, "breaks_s", epochs, default=())
-    breaks = to_real_array(found)
+    answer = call_member(trajectory, "breaks_s", epochs, default=())
+    breaks = to_real_array(answer)
     if breaks is None or breaks.ndim != 1 or np.isnan(breaks).any():
-        raise make_answer_error(trajectory, "breaks_s", found, "return a list of numbers")
+        raise make_answer_error(trajectory, "breaks_s", answer, "return a list of numbers")
     return breaks
 
 

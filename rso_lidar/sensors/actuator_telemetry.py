@@ -40,10 +40,10 @@ class ActuatorTelemetry(SensorPart):
         """
         if not entries:
             return np.empty((len(motion.time_s), 0))
-        found = motion.dynamics.get(f"{self.dynamics}.{vector}")
-        self._check_entries(vector, entries, None if found is None else found.shape[1])
-        assert found is not None
-        return np.asarray(found[:, list(entries)])
+        values = motion.dynamics.get(f"{self.dynamics}.{vector}")
+        self._check_entries(vector, entries, None if values is None else values.shape[1])
+        assert values is not None
+        return np.asarray(values[:, list(entries)])
 
     def check_dynamics(self, sizes: Mapping[str, int]) -> None:
         """Check that the follower has the dynamics and the entries that the sensor reads.

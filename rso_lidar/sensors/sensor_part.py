@@ -102,7 +102,7 @@ class SensorPart(Part):
 
     def describe_outages(self) -> str:
         """Describe the outages; nothing without any."""
-        spans = [f"{one.from_s:g} to {one.to_s:g} s" for one in self.outages]
+        spans = [f"{outage.from_s:g} to {outage.to_s:g} s" for outage in self.outages]
         if len(spans) > _MOST_LISTED:
             spans = [*spans[: _MOST_LISTED - 1], f"{len(spans) - _MOST_LISTED + 1} more"]
         if self.random_outage is not None:

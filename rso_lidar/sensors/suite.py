@@ -127,8 +127,10 @@ class SensorSuite:
     def _list_ahead(self, after_s: float) -> np.ndarray:
         """List the instants [s] of the samples that become available in some time after an instant, ascending."""
         schedules = set(self._schedules.values())
-        numbers = {one: one.number_available(after_s, after_s + _AHEAD_S)[:_MOST_AHEAD] for one in schedules}
-        return _join_instants([one.time_samples(some) for one, some in numbers.items()])
+        numbers = {
+            schedule: schedule.number_available(after_s, after_s + _AHEAD_S)[:_MOST_AHEAD] for schedule in schedules
+        }
+        return _join_instants([schedule.time_samples(some) for schedule, some in numbers.items()])
 
     def save(self) -> dict[str, SensorState | None]:
         """Return the present states, from which `restore` goes on."""

@@ -307,8 +307,8 @@ def _fit(solid: Solid, length_m: float) -> Solid:
     ----------
     length_m : characteristic length [m].
     """
-    axes, found = _measure(solid.vertices)
-    vertices = np.column_stack([dot(solid.vertices, axis) for axis in axes]) * (length_m / found)
+    axes, measured_m = _measure(solid.vertices)
+    vertices = np.column_stack([dot(solid.vertices, axis) for axis in axes]) * (length_m / measured_m)
     vertices = vertices - 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     center = _find_centroid(Solid(vertices, solid.facets))
     return Solid(np.round((vertices - center) / _STEP_M) * _STEP_M + 0.0, solid.facets)

@@ -112,11 +112,11 @@ def _scaled(chunks: dict[str, _Chunk], longest_m: float) -> dict[str, CraftPart]
     bounds = np.einsum("ij,jk->ik", points, turn)
     low, high = bounds.min(axis=0), bounds.max(axis=0)
     scale, middle = longest_m / (high - low).max(), 0.5 * (low + high)
-    made = {}
+    parts = {}
     for name, (solid, material, density_kg_m3) in chunks.items():
         placed = Solid(scale * (np.einsum("ij,jk->ik", solid.vertices, turn) - middle), solid.facets)
-        made[name] = CraftPart(placed, material, density_kg_m3 * placed.volume_m3())
-    return made
+        parts[name] = CraftPart(placed, material, density_kg_m3 * placed.volume_m3())
+    return parts
 
 
 def _plate(rng: np.random.Generator) -> dict[str, _Chunk]:

@@ -69,9 +69,9 @@ def classify_parts(parts: Iterable[str]) -> dict[str, PartClass]:
         >>> classify_parts(["tank", "nozzle"])
         {'tank': 'tank', 'nozzle': 'engine'}
     """
-    found = {}
+    classes = {}
     for part in parts:
         if part not in _CLASSES:
             raise ScenarioError(f"part '{part}': has no common part class: add it to rso_lidar/shapes/part_classes.py")
-        found[part] = _CLASSES[part]
-    return found
+        classes[part] = _CLASSES[part]
+    return classes

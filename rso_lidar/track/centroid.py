@@ -85,14 +85,14 @@ def locate_centroid(
         return None
     points = cloud[taken]
     middle = points.mean(axis=0)
-    found = _count_found_fraction(taken) if cloud.ndim == 3 else 1.0
+    found_fraction = _count_found_fraction(taken) if cloud.ndim == 3 else 1.0
     range_m = float(np.linalg.norm(middle))
     ahead = np.outer(middle, middle) / range_m**2
     edge_m2 = (pixel_rad * range_m) ** 2 / (12.0 * np.sqrt(n))
     off = points - middle
     scatter = np.einsum("ni,nj->ij", off, off) / n - ahead * range_noise_m**2  # the shape's own
-    covariance = ahead * range_noise_m**2 / n + (np.eye(3) - ahead) * edge_m2 + (1.0 - found) / n * scatter
-    return Fix(middle, covariance, points, found)
+    covariance = ahead * range_noise_m**2 / n + (np.eye(3) - ahead) * edge_m2 + (1.0 - found_fraction) / n * scatter
+    return Fix(middle, covariance, points, found_fraction)
 
 
 def select_target_points(cloud: np.ndarray, gate_m: float) -> np.ndarray:
@@ -122,7 +122,7 @@ def select_target_points(cloud: np.ndarray, gate_m: float) -> np.ndarray:
 
 def _count_found_fraction(taken: np.ndarray) -> float:
     """Count the fraction of pixels that returned, among those (row, col) between two that did."""
-    inside = found = 0
+    inside = returned = 0
     for down, right in _NEIGHBOURS:
         rows, cols = taken.shape
         before = taken[: rows - 2 * down, : cols - 2 * right]
@@ -130,5 +130,5 @@ def _count_found_fraction(taken: np.ndarray) -> float:
         between = taken[down : rows - down, right : cols - right]
         both = before & after
         inside += int(both.sum())
-        found += int((both & between).sum())
-    return found / inside if inside else 1.0
+        returned += int((both & between).sum())
+    return returned / inside if inside else 1.0

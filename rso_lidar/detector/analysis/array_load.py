@@ -48,11 +48,11 @@ def simulate_array_load(gsfl: Gsfl, photons: Photons) -> ArrayLoad:
     if gsfl.droop is not None and len(photons.pixel):
         rows = place_rows(photons, camera.plan(0.0))
         axis = camera.axis(rows.length)
-        made = simulate_analog(camera.front, axis, photons, rows, None)
+        analog = simulate_analog(camera.front, axis, photons, rows, None)
         steady_per_s = camera.front.background_electrons_per_s(photons)
-        relative = solve_drooped_gain(gsfl.droop, rows, made.electrons, steady_per_s, axis.step_s)
-        drawn = np.bincount(rows.pixel, made.primaries.sum(axis=1), n_pixels)
-        left = np.bincount(rows.pixel, (made.primaries * relative).sum(axis=1), n_pixels)
+        relative = solve_drooped_gain(gsfl.droop, rows, analog.electrons, steady_per_s, axis.step_s)
+        drawn = np.bincount(rows.pixel, analog.primaries.sum(axis=1), n_pixels)
+        left = np.bincount(rows.pixel, (analog.primaries * relative).sum(axis=1), n_pixels)
         np.divide(left, drawn, out=gain, where=drawn > 0.0)
     if gsfl.crosstalk is not None and gsfl.gate is None and len(photons.pixel):
         light = np.bincount(photons.pixel, photons.photons, n_pixels)

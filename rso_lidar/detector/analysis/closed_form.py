@@ -187,8 +187,8 @@ class _Response:
         height, dark, shot = self.fitted
         variance = np.maximum(dark + shot * n, 1e-30)
         below = chndtr(self.threshold_electrons**2 / variance, 2.0, (height * n) ** 2 / variance)
-        found: np.ndarray = np.where(n > 0.0, 1.0 - below, 0.0)
-        return found
+        probability: np.ndarray = np.where(n > 0.0, 1.0 - below, 0.0)
+        return probability
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,8 @@ def at_least(probability: np.ndarray, least: int) -> float:
     # State k is that k pixels report so far; the last state is `missing` or more.
     state = np.zeros(missing + 1)
     state[0] = 1.0
-    for one in np.sort(uncertain)[::-1].tolist():
-        moved = state[:-1] * one
+    for chance in np.sort(uncertain)[::-1].tolist():
+        moved = state[:-1] * chance
         state[:-1] -= moved
         state[1:] += moved
         if state[-1] > 1.0 - _CERTAIN:
@@ -51,8 +51,8 @@ def k_of_n(probability: np.ndarray, needed: int, flashes: int | np.ndarray) -> n
     """
     from scipy.special import bdtrc
 
-    found: np.ndarray = np.clip(bdtrc(needed - 1, flashes, np.asarray(probability, dtype=float)), 0.0, 1.0)
-    return found
+    chance: np.ndarray = np.clip(bdtrc(needed - 1, flashes, np.asarray(probability, dtype=float)), 0.0, 1.0)
+    return chance
 
 
 def estimate_k_of_n(succeeded: int, tried: int, needed: int, flashes: int) -> float:

@@ -153,15 +153,15 @@ def combine_clusters(
     quiet = np.exp(-false_rate_per_s * np.maximum(range_m - window_m[0], 0.0) / units.RANGE_PER_DELAY_M_S)
     if lists_several and np.any((detected > _LEAST) & ~counts & np.isin(pixel, pixel[counts])):
         return None
-    found, missed = np.zeros(n_pixels), np.ones(n_pixels)
+    reported, missed = np.zeros(n_pixels), np.ones(n_pixels)
     first = np.searchsorted(pixel, pixel)  # of the clusters of the same pixel
     rank = np.arange(n_clusters) - first
     for place in range(int(rank.max(initial=-1)) + 1):
         some = np.flatnonzero(rank == place)
-        at, one = pixel[some], detected[some]
-        found[at] += missed[at] * one * quiet[some] * counts[some]
-        missed[at] *= 1.0 - one
-    return np.clip(found, 0.0, 1.0)
+        at, chance = pixel[some], detected[some]
+        reported[at] += missed[at] * chance * quiet[some] * counts[some]
+        missed[at] *= 1.0 - chance
+    return np.clip(reported, 0.0, 1.0)
 
 
 def _sum_clusters(photons: Photons, pulse: Pulse, sure_photons: float) -> np.ndarray:
@@ -227,8 +227,8 @@ class _TriggerCurve:
 
         u = photons / self._photons
         normal = (u - factor) / np.sqrt(self._still + self._shot * u) + np.interp(u / factor, _LEVELS, self._beside)
-        found: np.ndarray = np.where(photons > 0.0, ndtr(normal), 0.0)
-        return found
+        probability: np.ndarray = np.where(photons > 0.0, ndtr(normal), 0.0)
+        return probability
 
 
 @lru_cache(maxsize=64)

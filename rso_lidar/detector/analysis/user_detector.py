@@ -194,14 +194,14 @@ def check_traits(detector: object) -> None:
             )
 
 
-def check_reading(detector: Any, method: str, found: object, photons: Photons) -> tuple[Reading, Waveforms | None]:
+def check_reading(detector: Any, method: str, answer: object, photons: Photons) -> tuple[Reading, Waveforms | None]:
     """Check what the method of a user-defined detector returned.
 
     Parameters
     ----------
     detector : the user's object.
     method : its method.
-    found : what the method returned.
+    answer : what the method returned.
     photons : the light that it was given.
 
     Returns
@@ -212,9 +212,9 @@ def check_reading(detector: Any, method: str, found: object, photons: Photons) -
     ------
     ScenarioError : if that is not a reading of the array with or without waveforms.
     """
-    if not isinstance(found, tuple) or len(found) != 2:
-        raise make_answer_error(detector, method, found, "return (Reading, Waveforms or None)")
-    reading, waveforms = found
+    if not isinstance(answer, tuple) or len(answer) != 2:
+        raise make_answer_error(detector, method, answer, "return (Reading, Waveforms or None)")
+    reading, waveforms = answer
     if not isinstance(reading, Reading) or reading.range_m.shape != photons.shape:
         raise make_answer_error(detector, method, reading, f"return a Reading of {photons.shape} pixels first")
     listed, wanted = reading.return_range_m, detector.traits.max_returns
@@ -231,13 +231,13 @@ def check_reading(detector: Any, method: str, found: object, photons: Photons) -
     return reading, waveforms
 
 
-def check_prediction(detector: object, method: str, found: object, *, shape: tuple[int, ...]) -> Prediction | None:
+def check_prediction(detector: object, method: str, prediction: object, *, shape: tuple[int, ...]) -> Prediction | None:
     """Check the closed form that a user-defined detector returned, and return it.
 
     Parameters
     ----------
     detector, method : the object and the name of its method.
-    found : what the method returned.
+    prediction : what the method returned.
     shape : shape of the returns.
 
     Returns
@@ -249,25 +249,27 @@ def check_prediction(detector: object, method: str, found: object, *, shape: tup
     ScenarioError
         If it is not a prediction for these returns.
     """
-    if found is None:
+    if prediction is None:
         return None
-    if not isinstance(found, Prediction) or any(np.shape(values) != shape for values in vars(found).values()):
-        raise make_answer_error(detector, method, found, f"return a Prediction with arrays of shape {shape}, or None")
+    if not isinstance(prediction, Prediction) or any(np.shape(values) != shape for values in vars(prediction).values()):
+        raise make_answer_error(
+            detector, method, prediction, f"return a Prediction with arrays of shape {shape}, or None"
+        )
     limits = {"probability": 1.0, "range_precision_m": np.inf, "snr": np.inf, "saturated": 1.0}
     checked = {
-        name: check_values(detector, method, getattr(found, name), shape=shape, least=0.0, most=most, member=name)
+        name: check_values(detector, method, getattr(prediction, name), shape=shape, least=0.0, most=most, member=name)
         for name, most in limits.items()
     }
     return Prediction(**checked | {"saturated": checked["saturated"].astype(bool)})
 
 
-def check_array_load(detector: object, method: str, found: object, *, n_pixels: int) -> ArrayLoad:
+def check_array_load(detector: object, method: str, load: object, *, n_pixels: int) -> ArrayLoad:
     """Check the array load that a user-defined detector returned, and return it.
 
     Parameters
     ----------
     detector, method : the object and the name of its method.
-    found : what the method returned.
+    load : what the method returned.
     n_pixels : number of pixels.
 
     Raises
@@ -275,10 +277,10 @@ def check_array_load(detector: object, method: str, found: object, *, n_pixels: 
     ScenarioError
         If it is not a load of these pixels.
     """
-    if not isinstance(found, ArrayLoad):
-        raise make_answer_error(detector, method, found, "return an ArrayLoad")
+    if not isinstance(load, ArrayLoad):
+        raise make_answer_error(detector, method, load, "return an ArrayLoad")
     check = partial(check_values, detector, method, shape=(n_pixels,), least=0.0)
     return ArrayLoad(
-        check(found.gain, most=GREATEST, member="gain"),
-        check(found.together_fraction, most=1.0, member="together_fraction"),
+        check(load.gain, most=GREATEST, member="gain"),
+        check(load.together_fraction, most=1.0, member="together_fraction"),
     )

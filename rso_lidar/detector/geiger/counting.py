@@ -73,8 +73,8 @@ def peak_probability(fired: np.ndarray, pulses: int, counts: int) -> np.ndarray:
 
     if counts > pulses:
         return np.zeros(np.shape(fired))
-    found: np.ndarray = betainc(counts, pulses - counts + 1, fired)
-    return found
+    probability: np.ndarray = betainc(counts, pulses - counts + 1, fired)
+    return probability
 
 
 def threshold_primaries(pulses: int, counts: int) -> float:

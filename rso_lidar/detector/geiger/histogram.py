@@ -109,7 +109,7 @@ def _count(
     energy: np.ndarray,
     summed: np.ndarray,
     step_s: float,
-    found: tuple[np.ndarray, np.ndarray, np.ndarray],
+    peaks: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
     """Fill the histograms of a band of pixels and find their peaks.
 
@@ -127,7 +127,7 @@ def _count(
     pulse : first edge of the pulse's taps and their step [s].
     energy, summed : (edge) share of the pulse's energy before each edge of its taps, and its integral [s].
     step_s : of the integral of the rate.
-    found : delay, peak counts and total counts (pixel), written.
+    peaks : delay, peak counts and total counts (pixel), written.
     """
     opens_s, gate_s, bin_s, hold_off_s, jitter_s = times
     n_bins, peak_bins = bins
@@ -189,9 +189,9 @@ def _count(
         centre, most = _peak(histogram, touched[:n_touched], peak_bins)
         for k in range(n_touched):
             histogram[touched[k]] = 0
-        found[0][pixel] = opens_s + (centre + 0.5) * bin_s
-        found[1][pixel] = most
-        found[2][pixel] = total
+        peaks[0][pixel] = opens_s + (centre + 0.5) * bin_s
+        peaks[1][pixel] = most
+        peaks[2][pixel] = total
 
 
 @kernel

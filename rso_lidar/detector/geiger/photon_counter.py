@@ -155,13 +155,13 @@ class BuiltGeigerArray(BuiltDetector):
         precision_s = sigma_s * np.sqrt((1.0 - cut) / counts)
         noise = array.pulses * (fired * (1.0 - fired) + array.dark_count_rate_hz * array.peak_s)
         snr = array.pulses * fired / np.sqrt(np.maximum(noise, 1e-12))
-        found = (
+        members = (
             probability,
             np.where(n > 0.0, precision_s * units.RANGE_PER_DELAY_M_S, np.inf),
             np.where(n > 0.0, snr, 0.0),
             photons.ravel() >= array.traits.saturation_photons,
         )
-        return Prediction(*(values.reshape(photons.shape) for values in found))
+        return Prediction(*(values.reshape(photons.shape) for values in members))
 
     def report_probability(self, photons: Photons, mine: np.ndarray) -> np.ndarray:
         """Estimate the probability (pixel) that a pixel reports one of some returns, by trials of the lit pixels alone.
@@ -176,16 +176,16 @@ class BuiltGeigerArray(BuiltDetector):
         """
         array = self.part
         n_pixels = photons.shape[0] * photons.shape[1]
-        found = np.zeros(n_pixels)
+        probability = np.zeros(n_pixels)
         lit = np.unique(photons.pixel[mine])
         if not lit.size:
-            return found
+            return probability
         low_m, high_m = (bounds[lit] for bounds in bound_reports(photons, mine))
         reported_m = try_lit_pixels(array, photons, lit)
         with np.errstate(invalid="ignore"):
             inside = (reported_m >= low_m) & (reported_m <= high_m)
-        found[lit] = inside.mean(axis=0)
-        return found
+        probability[lit] = inside.mean(axis=0)
+        return probability
 
 
 def try_lit_pixels(array: GeigerArray, photons: Photons, lit: np.ndarray) -> np.ndarray:

@@ -73,8 +73,8 @@ def solve_gain(droop: Droop, electrons: np.ndarray, step_s: float, steady_per_s:
         )  # Newton's step for the case that all current flows in one instant
         if slope * np.abs(missed_v).max(initial=0.0) < _GAIN_WITHIN:
             break
-    found: np.ndarray = 1.0 / (1.0 + slope * sag_v)
-    return found
+    settled_gain: np.ndarray = 1.0 / (1.0 + slope * sag_v)
+    return settled_gain
 
 
 def latch_share(at_s: np.ndarray, latch_s: np.ndarray, clock_s: float, n_pixels: int) -> np.ndarray:

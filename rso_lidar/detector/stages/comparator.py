@@ -311,10 +311,10 @@ def cross_edges(
         twist = (two_after - two_before - np.float32(3.0) * slope) * np.float32(1.0 / 6.0)
         place = (level - before) / slope if slope > np.float32(0.0) else np.float32(1.0)
         least = np.float32(0.2) * abs(slope) + np.float32(1e-9)
-        one = np.float32(1.0)
+        unit = np.float32(1.0)
         for _ in range(3):
-            further = bend + (place + one) * twist
-            steep = slope + (place + place - one) * further + place * (place - one) * twist
-            value = before + place * (slope + (place - one) * further)
-            place = min(max(place - (value - level) / max(steep, least), np.float32(0.0)), one)
+            further = bend + (place + unit) * twist
+            steep = slope + (place + place - unit) * further + place * (place - unit) * twist
+            value = before + place * (slope + (place - unit) * further)
+            place = min(max(place - (value - level) / max(steep, least), np.float32(0.0)), unit)
         crossing[trace] = step - 1.0 + place

@@ -331,8 +331,8 @@ def continue_noise(
         now, halfway = value[trace], value[trace] + slope[trace]
         for sample in range(len(samples)):
             decay, driven, rms, with_it, alone = between
-            one, other = white[sample, 0, trace], white[sample, 1, trace]
-            now = decay * now + driven * halfway + with_it * one + alone * other
-            halfway = decay * halfway + rms * one
+            first, second = white[sample, 0, trace], white[sample, 1, trace]
+            now = decay * now + driven * halfway + with_it * first + alone * second
+            halfway = decay * halfway + rms * first
             samples[sample, trace] = now
             between = later

@@ -25,7 +25,7 @@ class CameraPixels:
 
     def select(self, pixel: np.ndarray) -> CameraPixels:
         """Return some of the pixels, or the same ones several times."""
-        return CameraPixels(*(getattr(self, one.name)[pixel] for one in fields(self)))
+        return CameraPixels(*(getattr(self, field.name)[pixel] for field in fields(self)))
 
 
 def draw_pixels(

@@ -121,7 +121,7 @@ def place_rows(
     longest_s, step_s = _LONGEST * float(photons.pulse_fwhm_s), plan.step_s
     # No return reaches into more rows than this: each except the first and last is as long as the watched part.
     most = math.ceil(2.0 * longest_s / (plan.watched * step_s)) + 3
-    made = np.empty((3, most * len(photons.pixel)), np.int64)
+    table = np.empty((3, most * len(photons.pixel)), np.int64)
     n_rows = find_rows(
         packed(photons.pixel),
         packed(photons.delay_s),
@@ -130,10 +130,10 @@ def place_rows(
         (float(photons.late_s), longest_s, plan.rise * step_s, plan.fall * step_s, step_s),
         (plan.steps_per_sample, plan.before, plan.watched),
         (float(least_photons), float(sure_photons)),
-        made,
+        table,
     )
     assert n_rows >= 0, "rows: more than fit into the array"
-    pixel, start, first = made[:, :n_rows].copy()
+    pixel, start, first = table[:, :n_rows].copy()
     return Rows(pixel, start, first, np.full(n_rows, plan.before + plan.watched), plan.length, plan.room)
 
 
@@ -146,9 +146,9 @@ def find_rows(
     timing_s: tuple[float, float, float, float, float],
     steps: tuple[int, int, int],
     enough: tuple[float, float],
-    made: np.ndarray,
+    table: np.ndarray,
 ) -> int:
-    """Return how many rows there are, written to pixel, start and first of `made` (3, row); -1 where they do not fit.
+    """Return how many rows there are, written to pixel, start and first of `table` (3, row); -1 where they do not fit.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def find_rows(
     enough : least photons of a pixel that has rows; photons of a row after which a pixel has no other.
     pixel, delay_s, photons, depth_spread_s : (return) pixel, delay [s], expected photons, and time over which the
         surface stretches it [s].
-    made : (3, row) i8: pixel, start and first of each row, written.
+    table : (3, row) i8: pixel, start and first of each row, written.
     """
     late_s, longest_s, rise_s, fall_s, step_s = timing_s
     per_sample, before, watched_steps = steps
@@ -179,13 +179,17 @@ def find_rows(
                     begin_s = min(begin_s, at_s - half_s - rise_s)
             if begin_s == math.inf:
                 break
-            if n_rows == made.shape[1]:
+            if n_rows == table.shape[1]:
                 return -1
             begin = math.floor(max(begin_s, covered_s) / step_s + 1e-9)
             watched = begin // per_sample * per_sample  # rows begin on a sample, so that samples fall on steps
-            made[0, n_rows], made[1, n_rows], made[2, n_rows] = pixel[first], watched - before, begin - watched + before
+            table[0, n_rows], table[1, n_rows], table[2, n_rows] = (
+                pixel[first],
+                watched - before,
+                begin - watched + before,
+            )
             if begin_s <= covered_s:  # continues from the last step that was watched
-                made[2, n_rows] -= 1
+                table[2, n_rows] -= 1
             n_rows += 1
             ends_s = (watched + watched_steps) * step_s
             more, light = False, 0.0

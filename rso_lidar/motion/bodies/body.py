@@ -62,7 +62,7 @@ class Body(Part):
     @property
     def models(self) -> dict[str, CommandedModel]:
         """State-space models and FMUs of the body, by the names under which a `Command` gives them inputs."""
-        moves, turns = (isinstance(one, CommandedModel) and one.is_commanded for one in (self.motion, self.attitude))
+        moves, turns = (isinstance(part, CommandedModel) and part.is_commanded for part in (self.motion, self.attitude))
         named: dict[str, Any] = {self.name: self.motion} if moves else {}
         if turns:
             named[f"{self.name}.attitude" if moves else self.name] = self.attitude

@@ -52,20 +52,20 @@ def list_dependencies(body: Body, bodies: Sequence[Body]) -> list[Body]:
     A body keeps its attitude only where that matters: if its axes are looked at, or another body is attached to them.
     The body itself is returned without its attitude, unless its own axes matter.
     """
-    by_name = {one.name: one for one in bodies}
-    hosts = {axes.name: one for one in bodies for axes in one.axes}
+    by_name = {other.name: other for other in bodies}
+    hosts = {axes.name: host for host in bodies for axes in host.axes}
     tilted: dict[str, bool] = {}
 
     def add_dependency(name: str, turned: bool) -> None:
         if tilted.get(name, False) or (name in tilted and not turned):
             return
         tilted[name] = turned
-        one = by_name[name]
-        relative_to = get_chief_name(one.motion)
+        dependency = by_name[name]
+        relative_to = get_chief_name(dependency.motion)
         if relative_to is not None:
-            add_dependency(relative_to, is_attached(one.motion))
-        if turned or one is body:
-            for at in (at for law in laws_of(one.attitude) for at in looks_at(law)):
+            add_dependency(relative_to, is_attached(dependency.motion))
+        if turned or dependency is body:
+            for at in (at for law in laws_of(dependency.attitude) for at in looks_at(law)):
                 add_dependency(at if at in by_name else hosts[at].name, at in hosts)
 
     add_dependency(body.name, False)

@@ -24,8 +24,8 @@ SINGULAR_RAD = 1e-6
 
 def _check_attitude_state(text: str) -> str:
     """Check the name of an attitude representation and return it."""
-    found = re.fullmatch(r"euler_([xyz])([xyz])([xyz])_(?:rad|deg)", text)
-    if text != QUATERNION and not (found and found[1] != found[2] != found[3]):
+    match = re.fullmatch(r"euler_([xyz])([xyz])([xyz])_(?:rad|deg)", text)
+    if text != QUATERNION and not (match and match[1] != match[2] != match[3]):
         raise ValueError(
             f"'{text}' names no attitude; write {QUATERNION}, or Euler angles with their order and unit such as "
             "euler_zyx_rad (intrinsic: about z, the new y, the new x)"

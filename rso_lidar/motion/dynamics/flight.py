@@ -198,9 +198,9 @@ class Flight(CommandedFlight):
             self._last = key, states
             return states
         states = np.empty((len(times), len(self.model.initial_state)))
-        for one in set(number):
-            rows = np.array(number) == one
-            states[rows] = self._evaluate_piece(one, times[rows])
+        for piece in set(number):
+            rows = np.array(number) == piece
+            states[rows] = self._evaluate_piece(piece, times[rows])
         return states
 
     def _check_kept(self, time_s: np.ndarray) -> None:
@@ -261,8 +261,8 @@ class Flight(CommandedFlight):
         """Find the number (time) of the piece that contains each instant [s]."""
         begins_s, last = self._begins_s, len(self._begins_s) - 1
         return [
-            last if one >= begins_s[last] else max(bisect.bisect_right(begins_s, one) - 1, 0)
-            for one in np.asarray(time_s).tolist()
+            last if at_s >= begins_s[last] else max(bisect.bisect_right(begins_s, at_s) - 1, 0)
+            for at_s in np.asarray(time_s).tolist()
         ]
 
 

@@ -69,7 +69,7 @@ class ShortSolution:
             self._advance()
         if len(times) == 1:
             return self._at(latest)[None]
-        return np.array([self._at(one) for one in times.tolist()]).reshape(len(times), len(self._x))
+        return np.array([self._at(at_s) for at_s in times.tolist()]).reshape(len(times), len(self._x))
 
     def _at(self, time_s: float) -> np.ndarray:
         """Evaluate x (n,) at one instant that has been reached."""
@@ -87,10 +87,10 @@ class ShortSolution:
         """Make one step, or hand over to `OdeSolution` where its error is too large or f fails."""
         length = min(self._next_s, self._panel_s)
         try:
-            made = self._try_step(length)
+            step = self._try_step(length)
         except Exception:  # raised again by OdeSolution, which finds how far f can be followed
-            made = None
-        if made is None:
+            step = None
+        if step is None:
             begin_s = self._begin_s + self._end_s
             self._rest = OdeSolution(
                 lambda t, x: self._f(t + begin_s, x, self._inputs),
@@ -101,8 +101,8 @@ class ShortSolution:
                 name=self._name,
             )
             return
-        slopes, self._x, self._rate = made[0], made[1], made[2]
-        self._steps.append(_Step(self._end_s, length, made[3], slopes))
+        slopes, self._x, self._rate = step[0], step[1], step[2]
+        self._steps.append(_Step(self._end_s, length, step[3], slopes))
         self._end_s, self._next_s = self._end_s + length, 2.0 * self._next_s
 
     def _try_step(self, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:

@@ -116,8 +116,8 @@ class ConjunctionMessage:
         ScenarioError
             if the file cannot be read, or does not follow the format; the message names the line
         """
-        found = find_table(str(path))[0]
-        return cls.from_text(read_table_text(found), str(path))
+        file = find_table(str(path))[0]
+        return cls.from_text(read_table_text(file), str(path))
 
     @classmethod
     def from_text(cls, text: str, where: str = "CDM") -> ConjunctionMessage:

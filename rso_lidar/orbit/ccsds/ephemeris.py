@@ -104,8 +104,10 @@ class Ephemeris(Part):
             some = epochs.at(rows)
             arc = arcs[number]
             place, speed = arc.interpolate(arc.clip_s(some), *arc.choose(self.interpolation, self.degree))
-            found = convert_states(BodyState(place, speed), some, from_axes=arc.frame, orientation=self._orientation())
-            position[rows], velocity[rows] = found.position_m, found.velocity_m_s
+            inertial = convert_states(
+                BodyState(place, speed), some, from_axes=arc.frame, orientation=self._orientation()
+            )
+            position[rows], velocity[rows] = inertial.position_m, inertial.velocity_m_s
         return BodyState(position, velocity)
 
     def span_utc(self, start_utc: datetime.datetime) -> tuple[str, str]:

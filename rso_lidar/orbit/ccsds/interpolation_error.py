@@ -256,8 +256,10 @@ def _integrate(
         close = np.broadcast_to(np.array([1e-4, 1e-7])[:, None, None], shape).ravel()  # [m], [m/s]
         halves = []
         for _ in range(2):
-            found = solve_ivp(derivative, (0.0, 0.5), x.ravel(), method="DOP853", rtol=1e-11, atol=close, t_eval=[0.5])
-            x = found.y[:, -1].reshape(shape)
+            solution = solve_ivp(
+                derivative, (0.0, 0.5), x.ravel(), method="DOP853", rtol=1e-11, atol=close, t_eval=[0.5]
+            )
+            x = solution.y[:, -1].reshape(shape)
             halves.append(x)
         tables[:, rows] = halves[0][0], *halves[1]
     return tables[0], tables[1], tables[2]

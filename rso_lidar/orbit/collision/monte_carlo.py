@@ -111,7 +111,7 @@ def sample_collisions(
     if not 0.0 < window <= 30.0 * units.DAY_S:
         raise ScenarioError(f"window_s: {window_s!r:.40} is not a window; give seconds above 0, at most 30 days")
     factors = first.factor(), second.factor()
-    means = [np.concatenate([one.position_m, one.velocity_m_s]) for one in (first, second)]
+    means = [np.concatenate([state.position_m, state.velocity_m_s]) for state in (first, second)]
     perigee_rad_s = max(_fastest_rad_s(first), _fastest_rad_s(second))
     hits = 0
     for begin in range(0, int(count), _LOT):
@@ -136,19 +136,19 @@ def choose_samples(first: UncertainState, second: UncertainState, radius_m: floa
     return min(max(math.ceil(wanted / _LOT) * _LOT, FEWEST_SAMPLES), MOST_SAMPLES)
 
 
-def _count_hits(one: np.ndarray, other: np.ndarray, radius_m: float, window_s: float, perigee_rad_s: float) -> int:
+def _count_hits(first: np.ndarray, second: np.ndarray, radius_m: float, window_s: float, perigee_rad_s: float) -> int:
     """Count the draws that collide.
 
     Parameters
     ----------
-    one, other : (draw, 6) states of both objects [m], [m/s]
+    first, second : (draw, 6) states of both objects [m], [m/s]
     radius_m : combined hard-body radius [m]
     window_s : time searched on each side [s]
     perigee_rad_s : angular rate at the lower perigee [rad/s]
     """
-    rho, rate = other[:, :3] - one[:, :3], other[:, 3:] - one[:, 3:]
+    rho, rate = second[:, :3] - first[:, :3], second[:, 3:] - first[:, 3:]
     if perigee_rad_s * window_s > _STRAIGHT_RAD:
-        return _scan(one, other, radius_m, window_s, perigee_rad_s)
+        return _scan(first, second, radius_m, window_s, perigee_rad_s)
     square = np.maximum(dot(rate, rate), 1e-12)
     time_s = np.clip(-dot(rho, rate) / square, -window_s, window_s)
     nearest = rho + time_s[:, None] * rate
@@ -157,21 +157,21 @@ def _count_hits(one: np.ndarray, other: np.ndarray, radius_m: float, window_s: f
     bent = 1.25 * perigee_rad_s**2 * np.sqrt(dot(rho, rho)) * time_s**2
     sure = miss + bent <= radius_m
     open_ = np.flatnonzero(~sure & (miss - bent <= radius_m))
-    return int(sure.sum()) + int((_fly(one[open_], other[open_], time_s[open_], window_s) <= radius_m).sum())
+    return int(sure.sum()) + int((_fly(first[open_], second[open_], time_s[open_], window_s) <= radius_m).sum())
 
 
-def _fly(one: np.ndarray, other: np.ndarray, time_s: np.ndarray, window_s: float) -> np.ndarray:
+def _fly(first: np.ndarray, second: np.ndarray, time_s: np.ndarray, window_s: float) -> np.ndarray:
     """Return the least distance (draw,) [m] on two-body orbits, by Newton's method from the time on straight lines.
 
     Parameters
     ----------
-    one, other : (draw, 6) states of both objects
+    first, second : (draw, 6) states of both objects
     time_s : (draw,) start of the search [s]
     window_s : time searched on each side [s]
     """
     best = np.full(len(time_s), np.inf)
     for _ in range(4):
-        (p, v), (q, w) = (propagate_many(state[:, :3], state[:, 3:], time_s) for state in (one, other))
+        (p, v), (q, w) = (propagate_many(state[:, :3], state[:, 3:], time_s) for state in (first, second))
         rho, rate = q - p, w - v
         best = np.minimum(best, np.sqrt(dot(rho, rho)))
         pull = p * (GM / dot(p, p) ** 1.5)[:, None] - q * (GM / dot(q, q) ** 1.5)[:, None]
@@ -181,12 +181,12 @@ def _fly(one: np.ndarray, other: np.ndarray, time_s: np.ndarray, window_s: float
     return best
 
 
-def _scan(one: np.ndarray, other: np.ndarray, radius_m: float, window_s: float, perigee_rad_s: float) -> int:
+def _scan(first: np.ndarray, second: np.ndarray, radius_m: float, window_s: float, perigee_rad_s: float) -> int:
     """Count the draws that collide anywhere in a long window, by cubics between nodes of two-body motion.
 
     Parameters
     ----------
-    one, other : (draw, 6) states of both objects
+    first, second : (draw, 6) states of both objects
     radius_m : combined hard-body radius [m]
     window_s : time searched on each side [s]
     perigee_rad_s : angular rate at the lower perigee [rad/s]
@@ -196,10 +196,10 @@ def _scan(one: np.ndarray, other: np.ndarray, radius_m: float, window_s: float, 
     step = float(time_s[1] - time_s[0])
     hits = 0
     lot = max(1, _STATES // nodes)
-    for begin in range(0, len(one), lot):
+    for begin in range(0, len(first), lot):
         some = slice(begin, begin + lot)
-        grid = np.broadcast_to(time_s, (len(one[some]), nodes))
-        (p, v), (q, w) = (propagate_many(state[some, :3], state[some, 3:], grid) for state in (one, other))
+        grid = np.broadcast_to(time_s, (len(first[some]), nodes))
+        (p, v), (q, w) = (propagate_many(state[some, :3], state[some, 3:], grid) for state in (first, second))
         rho, rate = q - p, w - v
         square, closing = dot(rho, rho), dot(rho, rate)
         hit = np.asarray((square <= radius_m**2).any(axis=1))

@@ -118,12 +118,12 @@ def find_access(
         if not spans:
             return []
     distance = evaluate(lambda _, a, b: np.sqrt(np.sum((b - a) ** 2, axis=-1)))
-    found = []
+    accesses = []
     for begin, end in spans:
         first, last = max(begin, start_s), min(end, end_s)
         closest_s, closest_m = find_minimum(distance, first, last) if first < last else (first, float("nan"))
-        found.append(Access(begin, end, closest_s, closest_m))
-    return found
+        accesses.append(Access(begin, end, closest_s, closest_m))
+    return accesses
 
 
 def _make_clear(observer: Trajectory, grazing_height_m: float) -> Margin:
@@ -162,9 +162,9 @@ def _check_limit(name: str, value: float, most: float) -> None:
 
 def _intersect(some: list[Span], others: list[Span]) -> list[Span]:
     """Return the parts that spans, each list in order, have in common."""
-    found = []
+    overlaps = []
     for begin, end in some:
         for first, last in others:
             if max(begin, first) < min(end, last):
-                found.append((max(begin, first), min(end, last)))
-    return found
+                overlaps.append((max(begin, first), min(end, last)))
+    return overlaps

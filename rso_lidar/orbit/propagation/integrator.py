@@ -168,18 +168,18 @@ class _Direction:
                     f"({(message or 'infinite').rstrip('.')}); check state and dynamics, or shorten the run",
                     self._way * requested > begin,
                 )
-            made = self._solver.dense_output()
-            edge = self._find_edge(made, begin, self._way * self._solver.t)
+            interpolant = self._solver.dense_output()
+            edge = self._find_edge(interpolant, begin, self._way * self._solver.t)
             if edge is not None:  # make the step again, up to there
                 self._solver = DOP853(self._f, self._way * begin, x, self._way * edge, **self._tolerances)
                 continue
-            self._steps.append(made)
+            self._steps.append(interpolant)
             self._ends.append(self._way * self._solver.t)
             if self._solver.status == "finished":
                 self._x, self._solver = self._apply_jumps(self._solver.y), None
         return None
 
-    def _find_edge(self, made: Any, begin: float, end: float) -> float | None:
+    def _find_edge(self, interpolant: Any, begin: float, end: float) -> float | None:
         """Return where the phase first changes inside a step, both ends left out; None where it does not.
 
         Parameters
@@ -189,13 +189,13 @@ class _Direction:
         if self._phase is None:
             return None
         low = begin + _EDGE_S
-        first = self._phase(self._way * low, made(self._way * low))
+        first = self._phase(self._way * low, interpolant(self._way * low))
         for look in np.linspace(begin, end, _LOOKS + 1)[1:].tolist():
-            if self._phase(self._way * look, made(self._way * look)) != first:
+            if self._phase(self._way * look, interpolant(self._way * look)) != first:
                 high = look
                 while high - low > _NEAR_S:
                     middle = 0.5 * (low + high)
-                    if self._phase(self._way * middle, made(self._way * middle)) == first:
+                    if self._phase(self._way * middle, interpolant(self._way * middle)) == first:
                         low = middle
                     else:
                         high = middle

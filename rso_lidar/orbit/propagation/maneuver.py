@@ -190,7 +190,7 @@ def describe_late_maneuvers(maneuvers: Sequence[Impulse | Burn], end_s: float) -
     list of str
         one line of advice; empty if there are none
     """
-    late = [one for one in maneuvers if one.edges_s[0] > end_s]
+    late = [maneuver for maneuver in maneuvers if maneuver.edges_s[0] > end_s]
     if not late:
         return []
     return [f"{len(late)} of its {len(maneuvers)} maneuvers come after the last frame at {end_s:g} s; shift them"]

@@ -88,8 +88,8 @@ class Numerical(Part):
 
     @model_validator(mode="after")
     def _no_chief(self) -> Self:
-        for k, one in enumerate(self.maneuvers):
-            if one.axes == "chief_rtn":
+        for k, maneuver in enumerate(self.maneuvers):
+            if maneuver.axes == "chief_rtn":
                 raise ValueError(
                     f"maneuvers[{k}].axes: 'chief_rtn' are the axes of another body, and 'numerical' is relative to none; "
                     "use 'rtn', 'vnc' or 'inertial', or the motion 'nonlinear'"
@@ -127,7 +127,7 @@ class Numerical(Part):
         -------
         times since `start_utc` [s]
         """
-        return np.array([time_s for one in self.maneuvers for time_s in one.edges_s])
+        return np.array([time_s for maneuver in self.maneuvers for time_s in maneuver.edges_s])
 
     def summarize(self, start_utc: datetime.datetime) -> str:
         """Return the motion in a few words: its initial state, forces and maneuvers.
@@ -162,7 +162,7 @@ class Numerical(Part):
     @property
     def impulses_s(self) -> tuple[float, ...]:
         """Instants of the impulses among the maneuvers [s]."""
-        return tuple(one.at_s for one in self.maneuvers if isinstance(one, Impulse))
+        return tuple(maneuver.at_s for maneuver in self.maneuvers if isinstance(maneuver, Impulse))
 
     @property
     def delta_v_m_s(self) -> float:
@@ -201,8 +201,8 @@ class IntegratedOrbit:
         # No orbit lasts in the air below 100 km, and re-entry is so stiff that its integration would take minutes.
         self._floor_m = 100.0 * units.KM if forces.drag is not None else 0.0
         floor_m2 = (units.EARTH_RADIUS_M + self._floor_m) ** 2
-        impulses = [one for one in maneuvers if isinstance(one, Impulse) and one.at_s >= begin_s]
-        burns = [one for one in maneuvers if not isinstance(one, Impulse) and one.until_s > begin_s]
+        impulses = [maneuver for maneuver in maneuvers if isinstance(maneuver, Impulse) and maneuver.at_s >= begin_s]
+        burns = [maneuver for maneuver in maneuvers if not isinstance(maneuver, Impulse) and maneuver.until_s > begin_s]
 
         def derivative(t: float, x: np.ndarray) -> np.ndarray:
             rx, ry, rz, vx, vy, vz, _, *open_ = x.tolist()
@@ -223,10 +223,14 @@ class IntegratedOrbit:
         # One entry for each burn states whether it is on: a step that ends where a burn begins must not contain it, and
         # the step that begins there must.
         start = np.array([*position_m, *velocity_m_s])
-        for one in impulses:
-            if one.at_s == begin_s:
-                start = self._apply(one, start)
-        jumps = [(one.at_s - begin_s, functools.partial(self._apply, one)) for one in impulses if one.at_s > begin_s]
+        for impulse in impulses:
+            if impulse.at_s == begin_s:
+                start = self._apply(impulse, start)
+        jumps = [
+            (impulse.at_s - begin_s, functools.partial(self._apply, impulse))
+            for impulse in impulses
+            if impulse.at_s > begin_s
+        ]
         for k, burn in enumerate(burns, start=7):
             jumps.append((burn.until_s - begin_s, functools.partial(_set_entry, k, 0.0)))
             if burn.from_s > begin_s:

@@ -91,25 +91,25 @@ def screen_pairs(
     spans: list[np.ndarray] = []
     cells: list[np.ndarray] = []
     near, count = 0, 0
-    for one in range(len(sets)):
-        others = _select_partners(one, flights, span_s, bounds, within_m)
+    for number in range(len(sets)):
+        others = _select_partners(number, flights, span_s, bounds, within_m)
         if not len(others):
             continue
         both = np.stack(
-            [np.maximum(span_s[others, 0], span_s[one, 0]), np.minimum(span_s[others, 1], span_s[one, 1])], axis=1
+            [np.maximum(span_s[others, 0], span_s[number, 0]), np.minimum(span_s[others, 1], span_s[number, 1])], axis=1
         )
         near += len(others)
         row, cut = find_near_cells(
-            position[others] - position[one],
-            velocity[others] - velocity[one],
+            position[others] - position[number],
+            velocity[others] - velocity[number],
             float(instants[1] - instants[0]),
             (instants[1:] >= both[:, :1]) & (instants[:-1] <= both[:, 1:]),
-            _add_bounds(bounds, one, others),
+            _add_bounds(bounds, number, others),
             within_m,
         )
         kept, place = np.unique(row, return_inverse=True)
         cells.append(np.stack([count + place, cut], axis=1))
-        pairs.append(np.stack([np.full(len(kept), one), others[kept]], axis=1))
+        pairs.append(np.stack([np.full(len(kept), number), others[kept]], axis=1))
         spans.append(both[kept])
         count += len(kept)
     approaches: list[CloseApproach] = []
@@ -124,15 +124,15 @@ def screen_pairs(
     return PairScreening(flights, tuple(approaches), lost, near)
 
 
-def _add_bounds(bounds: OrbitBounds, one: int, others: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _add_bounds(bounds: OrbitBounds, number: int, others: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Add the bounds of one set to those of others, as `find_near_cells` needs them.
 
     Parameters
     ----------
-    one, others : numbers of the sets
+    number, others : numbers of the sets
     """
     speed, fourth, off = bounds.speed_m_s, bounds.fourth_m_s4, bounds.off_m
-    return speed[one] + speed[others], fourth[one] + fourth[others], off[one] + off[others]
+    return speed[number] + speed[others], fourth[number] + fourth[others], off[number] + off[others]
 
 
 class _PairPositions(RelativePositions):
@@ -169,25 +169,25 @@ class _OneObject:
 
 
 def _select_partners(
-    one: int, flights: ScheduledFleet, span_s: np.ndarray, bounds: OrbitBounds, within_m: float
+    number: int, flights: ScheduledFleet, span_s: np.ndarray, bounds: OrbitBounds, within_m: float
 ) -> np.ndarray:
     """Return the later sets of other objects that apply at the same time as a set, in shells that come near its own.
 
     Parameters
     ----------
-    one : number of the set
+    number : of the set
     span_s : (set, 2) when each set applies [s since the start]
     within_m : limit of range [m]
     """
-    after = np.arange(one + 1, len(span_s))
-    begin_s, end_s = np.maximum(span_s[after, 0], span_s[one, 0]), np.minimum(span_s[after, 1], span_s[one, 1])
+    after = np.arange(number + 1, len(span_s))
+    begin_s, end_s = np.maximum(span_s[after, 0], span_s[number, 0]), np.minimum(span_s[after, 1], span_s[number, 1])
     at_an_end = (begin_s <= 0.0) | (end_s >= flights.duration_s)
     applies = end_s - begin_s > np.where(at_an_end, 0.0, BRIEF_S)
-    meets: np.ndarray = np.logical_and(flights.owner[after] != flights.owner[one], applies)
-    meets &= bounds.perigee_m[after] <= bounds.apogee_m[one] + within_m
-    meets &= bounds.apogee_m[after] >= bounds.perigee_m[one] - within_m
+    meets: np.ndarray = np.logical_and(flights.owner[after] != flights.owner[number], applies)
+    meets &= bounds.perigee_m[after] <= bounds.apogee_m[number] + within_m
+    meets &= bounds.apogee_m[after] >= bounds.perigee_m[number] - within_m
     never = np.asarray(bounds.never)
-    selected: np.ndarray = after[meets & ~never[after] & ~never[one]]
+    selected: np.ndarray = after[meets & ~never[after] & ~never[number]]
     return selected
 
 
@@ -204,11 +204,11 @@ def _name_objects(pieces: Sequence[CloseApproach], pairs: np.ndarray, flights: S
         first, second = pairs[piece.which].tolist()
         of.setdefault(int(flights.owner[first]), []).append(replace(piece, which=second))
     approaches: list[CloseApproach] = []
-    for lead, found in of.items():
+    for lead, lead_pieces in of.items():
         if flights.several.any():
-            named = join_approaches(found, _OneObject(flights, lead), flights)
+            named = join_approaches(lead_pieces, _OneObject(flights, lead), flights)
         else:
-            named = [replace(piece, which=int(flights.owner[piece.which])) for piece in found]
+            named = [replace(piece, which=int(flights.owner[piece.which])) for piece in lead_pieces]
         approaches += [replace(approach, lead=lead) for approach in named]
     return approaches
 

@@ -208,12 +208,12 @@ def select_distinct_minima(range_m: np.ndarray, at: np.ndarray) -> np.ndarray:
     at : (minimum,) ascending indices of its minima, one or more
     """
     kept = [int(at[0])]
-    for one in at[1:].tolist():
-        rise_m = range_m[kept[-1] : one + 1].max() - max(range_m[kept[-1]], range_m[one])
+    for minimum in at[1:].tolist():
+        rise_m = range_m[kept[-1] : minimum + 1].max() - max(range_m[kept[-1]], range_m[minimum])
         if rise_m > EQUAL_M:
-            kept.append(one)
-        elif range_m[one] < range_m[kept[-1]] - EQUAL_M:
-            kept[-1] = one
+            kept.append(minimum)
+        elif range_m[minimum] < range_m[kept[-1]] - EQUAL_M:
+            kept[-1] = minimum
     return np.array(kept)
 
 

@@ -112,8 +112,8 @@ def screen(
     near = np.zeros(len(flights), dtype=bool)
     rejected: dict[int, tuple[float, int]] = {}
     approaches: list[CloseApproach] = []
-    for one in range(len(lead.fleet)):
-        approaches += _screen_one_set(lead, one, flights, within_m, step_s, near, rejected)
+    for lead_number in range(len(lead.fleet)):
+        approaches += _screen_one_set(lead, lead_number, flights, within_m, step_s, near, rejected)
     if lead.several.any() or flights.several.any():
         approaches = join_approaches(approaches, lead, flights)
     approaches.sort(key=lambda approach: (approach.time_s, approach.which))
@@ -123,7 +123,7 @@ def screen(
 
 def _screen_one_set(
     lead: ScheduledFleet,
-    one: int,
+    lead_number: int,
     flights: ScheduledFleet,
     within_m: float,
     step_s: float,
@@ -134,7 +134,7 @@ def _screen_one_set(
 
     Parameters
     ----------
-    one : number of its set
+    lead_number : number of its set
     within_m : limit of range [m]
     step_s : step of the coarse grid [s]
     near : (object,) whose shells overlap; added to
@@ -149,29 +149,30 @@ def _screen_one_set(
     PropagationError
         if SGP4 has no state of the follower
     """
-    begin_s, end_s = max(float(lead.from_s[one]), 0.0), min(float(lead.to_s[one]), lead.duration_s)
+    begin_s, end_s = max(float(lead.from_s[lead_number]), 0.0), min(float(lead.to_s[lead_number]), lead.duration_s)
     steps = max(1, int(np.ceil((end_s - begin_s) / step_s)))
     instants = np.linspace(begin_s, end_s, steps + 1)
-    position, velocity, error = lead.fleet.grid(np.array([one]), instants)
+    position, velocity, error = lead.fleet.grid(np.array([lead_number]), instants)
     bad = np.isnan(position[0, :, 0])
     if bad.any():
         at = int(np.argmax(bad))
         instant, what = format_utc(lead.start_utc, float(instants[at])), int(error[0, at])
-        reason = lead.fleet.describe_loss(one, float(instants[at]), what)[1]
+        reason = lead.fleet.describe_loss(lead_number, float(instants[at]), what)[1]
         why = f": {reason}; take an element set nearer to the span, or" if what > 0 else "; take"
         raise PropagationError(
-            f"follower {lead.fleet.sets[one].label}: {'SGP4 ' * (what > 0)}has no state at {instant}{why} a shorter span",
+            f"follower {lead.fleet.sets[lead_number].label}: {'SGP4 ' * (what > 0)}has no state at {instant}{why} a "
+            "shorter span",
             bad,
         )
     span_s = np.stack([np.maximum(flights.from_s, begin_s), np.minimum(flights.to_s, end_s)], axis=1)
     at_an_end = (span_s[:, 0] <= 0.0) | (span_s[:, 1] >= lead.duration_s)
     sets = np.flatnonzero(span_s[:, 1] - span_s[:, 0] > np.where(at_an_end, 0.0, BRIEF_S))
-    here = OrbitBounds(lead.fleet, np.array([one]), np.array([[begin_s, end_s]]))
+    here = OrbitBounds(lead.fleet, np.array([lead_number]), np.array([[begin_s, end_s]]))
     there = OrbitBounds(flights.fleet, sets, span_s[sets])
     meets = np.flatnonzero(there.may_meet(here, within_m))
     meets = meets[np.argsort(span_s[sets[meets], 0], kind="stable")]  # sets that apply at similar times together
     near[flights.owner[sets[meets]]] = True
-    pair = RelativePositions(lead.fleet, one, flights.fleet, span_s)
+    pair = RelativePositions(lead.fleet, lead_number, flights.fleet, span_s)
     times = SubIntervals(begin_s, float(instants[-1] - begin_s) / (steps * CUT), steps * CUT)
     lost = {int(sets[k]): (float(there.lost_s[k]), int(there.error[k])) for k in np.flatnonzero(there.never)}
     approaches: list[CloseApproach] = []

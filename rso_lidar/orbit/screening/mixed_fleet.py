@@ -31,8 +31,8 @@ class MixedFleet:
         self._row = np.cumsum(~self._is_piece) - 1  # number in the fleet of element sets
         self._bounds = np.full((len(self.sets), 4), np.nan)
         for k in np.flatnonzero(self._is_piece).tolist():
-            found = self.sets[k].measure_bounds(step_s)
-            self._bounds[k] = found.perigee_m, found.apogee_m, found.speed_m_s, found.off_m
+            bounds = self.sets[k].measure_bounds(step_s)
+            self._bounds[k] = bounds.perigee_m, bounds.apogee_m, bounds.speed_m_s, bounds.off_m
 
     def __len__(self) -> int:
         return len(self.sets)

@@ -85,10 +85,10 @@ class OrbitBounds:
         """Return speed [m/s], fourth derivative [m/s4] and further error [m] of some rows."""
         return self.speed_m_s[rows], self.fourth_m_s4[rows], self.off_m[rows]
 
-    def may_meet(self, one: OrbitBounds, within_m: float) -> np.ndarray:
-        """Return whether each shell comes within a limit [m] of that of `one`, and has any state at all."""
-        above = self.perigee_m > one.apogee_m[0] + within_m
-        below = self.apogee_m < one.perigee_m[0] - within_m
+    def may_meet(self, other: OrbitBounds, within_m: float) -> np.ndarray:
+        """Return whether each shell comes within a limit [m] of that of `other`, and has any state at all."""
+        above = self.perigee_m > other.apogee_m[0] + within_m
+        below = self.apogee_m < other.perigee_m[0] - within_m
         meets: np.ndarray = ~(above | below | self.never)
         return meets
 

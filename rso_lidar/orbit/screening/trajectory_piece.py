@@ -237,12 +237,12 @@ def sample_states(
             why = str(error)
             good[np.flatnonzero(good)[error.bad]] = False
             continue
-        found = np.asarray(state.position_m, dtype=float), np.asarray(state.velocity_m_s, dtype=float)
-        for part in found:
+        vectors = np.asarray(state.position_m, dtype=float), np.asarray(state.velocity_m_s, dtype=float)
+        for part in vectors:
             if part.shape != (int(good.sum()), 3):
                 label = getattr(entry, "label", type(entry).__name__)
                 raise ScenarioError(f"{label}: states has the shape {part.shape}; return (time, 3) for each epoch")
-        position[good], velocity[good] = found
+        position[good], velocity[good] = vectors
         break
     lost = ~(np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1))
     position[lost], velocity[lost] = np.nan, np.nan

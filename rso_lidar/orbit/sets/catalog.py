@@ -89,7 +89,7 @@ class Catalog:
         return cls._of(*parse_element_sets(text, where), where)
 
     @classmethod
-    def _of(cls, found: Sequence[ElementSet], junk: Sequence[str], where: str) -> Catalog:
+    def _of(cls, entries: Sequence[ElementSet], junk: Sequence[str], where: str) -> Catalog:
         """Make a catalogue of the records of a file: good sets without duplicates, and problems.
 
         Parameters
@@ -103,7 +103,7 @@ class Catalog:
         kept: dict[tuple[object, ...], ElementSet] = {}
         problems: list[str] = []
         duplicates = 0
-        for entry in found:
+        for entry in entries:
             if entry.problem is not None:
                 problems.append(entry.problem)
                 continue
@@ -251,13 +251,13 @@ def _check_datetime(what: str, at: Any) -> datetime.datetime:
 def _check_numbers(wanted: Any) -> set[int]:
     """Check the requested catalogue numbers, one or several."""
     several = isinstance(wanted, Iterable) and not isinstance(wanted, str | bytes) and getattr(wanted, "ndim", 1) != 0
-    found = list(wanted) if several else [wanted]
-    for number in found:
+    norad_ids = list(wanted) if several else [wanted]
+    for number in norad_ids:
         if isinstance(number, bool) or not isinstance(number, numbers.Integral):
             raise CatalogError(
                 f"norad_id: {quote_value(number)} is not a catalogue number; give a whole number, such as 25544"
             )
-    return {int(number) for number in found}
+    return {int(number) for number in norad_ids}
 
 
 def _epoch(entry: ElementSet) -> tuple[datetime.datetime, float]:

@@ -129,10 +129,10 @@ class DecayTimes:
             edges = begin[rows, None] + (end - begin)[rows, None] * np.linspace(0.0, 1.0, pieces + 1)
             free = self._bounds.exclude_failure(sets[rows], edges[:, :-1], edges[:, 1:], sign)
             for row, number in enumerate(sets[rows].tolist()):
-                found = _find_failure(self._sets[number], edges[row], free[row], sign)
-                if found is not None:
-                    self._code[side, number] = found[1]
-                    self._decay_s[side, number] = found[0] * 60.0
+                failure = _find_failure(self._sets[number], edges[row], free[row], sign)
+                if failure is not None:
+                    self._code[side, number] = failure[1]
+                    self._decay_s[side, number] = failure[0] * 60.0
                 self._proven_s[side, number] = until_s[number]
 
 

@@ -242,10 +242,10 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
             return otherwise
         if type(value) is float and math.isfinite(value):
             return value
-        found = _parse_number(value)
-        if found is None:
+        parsed = _parse_number(value)
+        if parsed is None:
             wrong.append(f"{key} {quote_value(value)} is not a number")
-        return math.nan if found is None else found
+        return math.nan if parsed is None else parsed
 
     def whole(key: str, most: int = 10**9) -> int:
         value = number(key, 0.0)
@@ -274,7 +274,7 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
             epoch, rest_ns = parse_epoch(text("EPOCH"))
         except ValueError as error:
             wrong.append(str(error))
-    found = ElementSet(
+    element_set = ElementSet(
         name=text("OBJECT_NAME"),
         norad_id=whole("NORAD_CAT_ID"),
         where=where,
@@ -295,13 +295,13 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
         element_set_no=whole("ELEMENT_SET_NO"),
         rev_at_epoch=whole("REV_AT_EPOCH"),
     )
-    if not wrong and (out := explain_impossible(found)):
+    if not wrong and (out := explain_impossible(element_set)):
         wrong.append(out)
     if wrong:
         cure = "fetch elements of SGP4" if is_foreign else "correct the record, or fetch it again"
         message = f"{where}: {join_problems(wrong)}: {cure}"
-        found = ElementSet(**{**found.__dict__, "problem": message})
-    return found
+        element_set = ElementSet(**{**element_set.__dict__, "problem": message})
+    return element_set
 
 
 def explain_impossible(elements: ElementSet) -> str | None:
@@ -342,10 +342,10 @@ def parse_epoch(text: str) -> tuple[datetime.datetime, float]:
     >>> parse_epoch("2024-061T12:00:00.1234567")
     (datetime.datetime(2024, 3, 1, 12, 0, 0, 123456, tzinfo=datetime.timezone.utc), 700.0)
     """
-    found = _EPOCH.fullmatch(text)
-    if found is None:
+    match = _EPOCH.fullmatch(text)
+    if match is None:
         raise ValueError(f"EPOCH {quote_value(text)} is not a UTC instant such as 2024-09-17T12:00:00.123456")
-    year, month, day, day_of_year, hour, minute, second, decimals, _ = found.groups()
+    year, month, day, day_of_year, hour, minute, second, decimals, _ = match.groups()
     digits = (decimals or "").ljust(6, "0")
     try:
         if day_of_year:
@@ -370,7 +370,7 @@ def _parse_number(value: Any) -> float | None:
     if isinstance(value, str) and ("_" in value or not value.isascii()):
         return None
     try:
-        found = float(value)
+        number = float(value)
     except (ValueError, OverflowError):
         return None
-    return found if math.isfinite(found) else None
+    return number if math.isfinite(number) else None

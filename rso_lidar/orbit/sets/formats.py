@@ -152,18 +152,18 @@ def parse_element_sets(text: str, where: str) -> Found:
         raise CatalogError(f"{where}: is empty; give a file of two-line element sets")
     first = next((line for line in start.split("\n") if line.strip() and not line.startswith("#")), "")
     if re.match(r"[\[{]\s*[{}\]\"]", start):
-        found = read_json(text, where)
+        parsed = read_json(text, where)
     elif start.startswith("<") and re.search(r"<(\w+:)?(omm|ndm)\b", start, re.IGNORECASE):
-        found = read_xml(text, where)
+        parsed = read_xml(text, where)
     elif is_csv(first):
-        found = read_csv(text, where)
+        parsed = read_csv(text, where)
     else:
-        found = read_lines(text.split("\n"), where)
-        if not found[0]:  # its beginning may be damaged
-            found = _parse_from_middle(text, where) or found
-    if not found[0]:
+        parsed = read_lines(text.split("\n"), where)
+        if not parsed[0]:  # its beginning may be damaged
+            parsed = _parse_from_middle(text, where) or parsed
+    if not parsed[0]:
         raise _make_refusal(where, start)
-    return found
+    return parsed
 
 
 def _make_refusal(where: str, text: str) -> CatalogError:
@@ -234,8 +234,8 @@ def read_lines(lines: Iterable[str], where: str) -> Found:
         number, line = numbered[at]
         if identify_element_line(line):
             sets += message.end()
-            found, at = read_set(name[1].removeprefix("0 ").strip() if name else "", at, numbered, where)
-            sets.append(found)
+            element_set, at = read_set(name[1].removeprefix("0 ").strip() if name else "", at, numbered, where)
+            sets.append(element_set)
             name = None
             continue
         at += 1

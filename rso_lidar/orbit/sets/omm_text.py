@@ -67,12 +67,12 @@ def read_json(text: str, where: str) -> Found:
 
 def _mark_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return an object with its keys in capitals; a key that occurs twice is named under '!'."""
-    found = {key.upper(): value for key, value in pairs}
-    if len(found) < len(pairs):
+    record = {key.upper(): value for key, value in pairs}
+    if len(record) < len(pairs):
         keys = [key.upper() for key, _ in pairs]
         seen: set[str] = set()
-        found["!"] = next(key for key in keys if key in seen or seen.add(key))  # type: ignore[func-returns-value]
-    return found
+        record["!"] = next(key for key in keys if key in seen or seen.add(key))  # type: ignore[func-returns-value]
+    return record
 
 
 def _set_from_json(record: dict[str, Any], place: str) -> ElementSet:
@@ -85,24 +85,24 @@ def _salvage_json(text: str, where: str) -> Found:
     sets: list[ElementSet] = []
     junk: list[str] = []
     end, line, counted = 0, 1, 0
-    for found in _OBJECT.finditer(text):
-        between = text[end : found.start()].strip(" \t\r\n,[]")
-        line += text.count("\n", counted, found.start())
-        counted, end = found.start(), found.end()
+    for match in _OBJECT.finditer(text):
+        between = text[end : match.start()].strip(" \t\r\n,[]")
+        line += text.count("\n", counted, match.start())
+        counted, end = match.start(), match.end()
         place = f"{where}: line {line}"
         if between:
             junk.append(f"{place}: '{_shorten(between)}' before it is not JSON; remove it")
-        if not any(f'"{key}"' in found[0].upper() for key in KNOWN):
-            junk.append(f"{place}: '{_shorten(found[0])}' has no key of an OMM; remove it")
+        if not any(f'"{key}"' in match[0].upper() for key in KNOWN):
+            junk.append(f"{place}: '{_shorten(match[0])}' has no key of an OMM; remove it")
             continue
         try:
-            if not found[1]:
+            if not match[1]:
                 raise ValueError("no end")
-            record = json.loads(found[0], object_pairs_hook=_mark_duplicate_keys)
+            record = json.loads(match[0], object_pairs_hook=_mark_duplicate_keys)
         except ValueError as error:
-            what = "is cut off" if not found[1] else f"is not JSON ({_shorten(getattr(error, 'msg', str(error)))})"
-            name = re.search(r'"OBJECT_NAME"\s*:\s*"([^"]*)"', found[0], re.IGNORECASE)
-            number = re.search(r'"NORAD_CAT_ID"\s*:\s*"?(\d{1,9})\b', found[0], re.IGNORECASE)
+            what = "is cut off" if not match[1] else f"is not JSON ({_shorten(getattr(error, 'msg', str(error)))})"
+            name = re.search(r'"OBJECT_NAME"\s*:\s*"([^"]*)"', match[0], re.IGNORECASE)
+            number = re.search(r'"NORAD_CAT_ID"\s*:\s*"?(\d{1,9})\b', match[0], re.IGNORECASE)
             problem = f"{place}: this record {what}; fetch it again"
             sets.append(
                 ElementSet(name[1] if name else "", int(number[1]) if number else 0, where=place, problem=problem)
@@ -191,16 +191,16 @@ def read_xml(text: str, where: str) -> Found:
 
 def _find_messages(root: Any) -> list[list[Any]]:
     """Return the nodes within each `omm`, without those of an `omm` nested in it."""
-    found: list[list[Any]] = []
+    messages: list[list[Any]] = []
     ahead: list[tuple[Any, list[Any]]] = [(root, [])]
     while ahead:
         node, within = ahead.pop()
         if _local_name(node.tag) == "OMM":
             within = []
-            found.append(within)
+            messages.append(within)
         within.append(node)
         ahead += [(child, within) for child in reversed(node)]
-    return found
+    return messages
 
 
 def _salvage_xml(text: str, where: str, error: str) -> Found:
@@ -213,7 +213,7 @@ def _salvage_xml(text: str, where: str, error: str) -> Found:
     import xml.etree.ElementTree as ET
 
     sets: list[ElementSet] = []
-    starts = [found.start() for found in re.finditer(r"<(?:\w+:)?omm\b", text, re.IGNORECASE)]
+    starts = [match.start() for match in re.finditer(r"<(?:\w+:)?omm\b", text, re.IGNORECASE)]
     line, counted = 1, 0
     for start, end in zip(starts, [*starts[1:], len(text)], strict=True):
         line, counted = line + text.count("\n", counted, start), start
@@ -269,11 +269,11 @@ class KvnCollector:
 
     def take(self, number: int, line: str) -> Iterator[ElementSet] | None:
         """Take a line, and return the messages that end with it; None if the line belongs to no message."""
-        found = _KVN_LINE.fullmatch(line)
-        key = found[1].upper() if found else ""
+        match = _KVN_LINE.fullmatch(line)
+        key = match[1].upper() if match else ""
         if self._fields and (not line.strip() or line.lstrip().upper().startswith("COMMENT")):
             return iter(())
-        if not found or not (self._fields or key in KNOWN or key == _FIRST_KEY):
+        if not match or not (self._fields or key in KNOWN or key == _FIRST_KEY):
             return None
         # A message begins with its version or, without one, with the key that began the message before.
         ended = list(self.end()) if key == _FIRST_KEY or key == next(iter(self._fields), None) else []
@@ -281,7 +281,7 @@ class KvnCollector:
             self._place, self._wrong = f"{self._where}: line {number}", ""
         elif key in self._fields and key in KNOWN:
             self._wrong = self._wrong or f"key '{key}{_TWICE}, again in line {number}"
-        value, unit = found[2], None if key in _TEXTS else _UNIT.fullmatch(found[2])
+        value, unit = match[2], None if key in _TEXTS else _UNIT.fullmatch(match[2])
         if unit and key in KNOWN:
             value, self._wrong = unit[1], self._wrong or _check_unit(key, unit[2]) or ""
         self._fields.setdefault(key, value)

@@ -38,14 +38,14 @@ def select_object(
         if not meant:
             raise CatalogError(f"{where}: no object with norad_id {norad_id}; it holds {_list_labels(sets)}")
     if name is not None:
-        found = [entry for entry in meant if entry.name.casefold() == name.strip().casefold()]
-        if not found:
+        named = [entry for entry in meant if entry.name.casefold() == name.strip().casefold()]
+        if not named:
             names = {entry.name.casefold(): entry.name for entry in meant if entry.name}
             guess = did_you_mean(name.casefold(), names)
             for folded, written_so in names.items():
                 guess = guess.replace(f"'{folded}'", f"'{written_so}'")
             raise CatalogError(f"{where}: no object named '{name}'{guess or '; it holds ' + _list_labels(meant)}")
-        meant = found
+        meant = named
     if any(entry.norad_id for entry in meant):  # ignore lines too damaged to name their object
         meant = [entry for entry in meant if entry.norad_id]
     if len({entry.norad_id for entry in meant}) > 1:

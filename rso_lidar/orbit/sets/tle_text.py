@@ -108,11 +108,11 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
         fields = {}
         problem = problem or f"{place}: a number cannot be read ({error}); fetch the set again"
     if not problem:
-        found = ElementSet(name, identity, line1, line2, place, None, **fields)
-        out = explain_impossible(found)
+        element_set = ElementSet(name, identity, line1, line2, place, None, **fields)
+        out = explain_impossible(element_set)
         if out is None:
-            return found, at
-        cure = "fetch elements of SGP4" if found.ephemeris_type == SGP4_XP else "fetch the set again"
+            return element_set, at
+        cure = "fetch elements of SGP4" if element_set.ephemeris_type == SGP4_XP else "fetch the set again"
         problem = f"{place}: {out}: {cure}"
     return ElementSet(name, identity, line1, line2, place, problem, **fields), at
 

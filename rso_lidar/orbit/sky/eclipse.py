@@ -145,9 +145,9 @@ def find_eclipses(trajectory: Trajectory, epochs: Epochs) -> list[Eclipse]:
         return of
 
     dark = find_spans_below(margin(1), start_s, end_s)
-    found = []
+    eclipses = []
     for begins, ends in find_spans_below(margin(0), start_s, end_s):
         within = [span for span in dark if span[0] >= begins and span[1] <= ends]
         umbra = (within[0][0], within[-1][1]) if within else (np.nan, np.nan)
-        found.append(Eclipse(begins, *umbra, ends))
-    return found
+        eclipses.append(Eclipse(begins, *umbra, ends))
+    return eclipses

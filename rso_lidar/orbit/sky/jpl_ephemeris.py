@@ -105,8 +105,8 @@ class JplEphemeris:
             if epochs are outside the kernel; its `bad` masks them
         """
         with self._open() as kernel:
-            found = self._look_up(kernel, body, epochs)
-        return BodyState(*(np.ascontiguousarray(one.T) for one in (found.position.m, found.velocity.m_per_s)))
+            state = self._look_up(kernel, body, epochs)
+        return BodyState(*(np.ascontiguousarray(vectors.T) for vectors in (state.position.m, state.velocity.m_per_s)))
 
     def _read(self, kernel: Any, body: str, epochs: Epochs) -> np.ndarray:
         """Read the geometric position (time, 3) [m] of a body from the Earth's centre."""

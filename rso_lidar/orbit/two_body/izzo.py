@@ -76,10 +76,10 @@ def find_all_orbits(time: float, q: float, lam: float) -> list[tuple[int, Branch
     """
     roots: list[tuple[int, Branch | None, float]] = []
     for revolutions in range(int(time / math.pi) + 1):
-        found = find_orbits(time, q, lam, revolutions)
-        if not found:
+        orbits = find_orbits(time, q, lam, revolutions)
+        if not orbits:
             break
-        roots += [(revolutions, branch, x) for branch, x in found]
+        roots += [(revolutions, branch, x) for branch, x in orbits]
     return roots
 
 

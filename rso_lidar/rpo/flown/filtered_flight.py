@@ -113,8 +113,8 @@ class FilteredFlight:
         burns : those of the piece
         """
         instants = self._part.list_instants_s(begin_s, now_s)
-        edges = [edge for one in self._held for edge in one.edges_s if begin_s < edge < now_s]
-        middles = [one.middle_s for one in burns]
+        edges = [edge for leg in self._held for edge in leg.edges_s if begin_s < edge < now_s]
+        middles = [burn.middle_s for burn in burns]
         nodes = np.unique(np.concatenate([[begin_s, now_s], instants, edges, middles]))
         nodes = nodes[np.append(True, np.diff(nodes) > DeviationFlow.TIE_S)]
         if len(nodes) < 2:

@@ -262,5 +262,5 @@ def _find_start(motion: Flown, reference: ReferenceOrbit) -> BodyState | None:
         return None
     if isinstance(motion.start, RelativeStart):
         return reference.place(np.array(motion.start.position_m), np.array(motion.start.velocity_m_s))
-    found = motion.start.states(Epochs(reference.start_utc, np.zeros(1)))
-    return BodyState(found.position_m[0], found.velocity_m_s[0])
+    state = motion.start.states(Epochs(reference.start_utc, np.zeros(1)))
+    return BodyState(state.position_m[0], state.velocity_m_s[0])

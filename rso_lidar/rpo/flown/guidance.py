@@ -193,7 +193,7 @@ class TwoImpulseGuidance(Part):
         due = _impulse_at(update, update.time_s)
         if float(np.linalg.norm(kick - due)) < self.least_m_s:
             return update.impulses
-        later = [one for one in update.impulses if one.time_s > aim_s + _SHORTEST_S]
+        later = [impulse for impulse in update.impulses if impulse.time_s > aim_s + _SHORTEST_S]
         return [PlannedImpulse(update.time_s, kick), PlannedImpulse(aim_s, aim_m_s - arrival), *later]
 
 
@@ -261,7 +261,7 @@ def _find_aim_s(plan: Plan, time_s: float, next_s: float) -> float:
 
 def _impulse_at(update: GuidanceUpdate, time_s: float) -> np.ndarray:
     """Return the sum (3,) [m/s] of the impulses that are due at an instant [s]."""
-    due = [one.delta_v_m_s for one in update.impulses if abs(one.time_s - time_s) <= _SHORTEST_S]
+    due = [impulse.delta_v_m_s for impulse in update.impulses if abs(impulse.time_s - time_s) <= _SHORTEST_S]
     return np.asarray(np.sum([np.zeros(3), *due], axis=0))
 
 
@@ -299,11 +299,11 @@ def _shoot(
         if abs(weight) > 1e-12 * float(step @ step):
             inverse = inverse + np.outer(step - inverse @ change, step @ inverse) / weight
         miss = after
-        best = min(best, (float(np.linalg.norm(miss)), velocity, arrival), key=lambda found: found[0])
+        best = min(best, (float(np.linalg.norm(miss)), velocity, arrival), key=lambda attempt: attempt[0])
     return best[1], best[2]
 
 
-def check_impulses(guidance: object, found: object, now_s: float) -> tuple[PlannedImpulse, ...]:
+def check_impulses(guidance: object, impulses: object, now_s: float) -> tuple[PlannedImpulse, ...]:
     """Return the impulses that guidance wants, in order of time; those that are too small to matter are left out.
 
     Parameters
@@ -316,18 +316,18 @@ def check_impulses(guidance: object, found: object, now_s: float) -> tuple[Plann
         if they are not impulses from now on
     """
     cure = f"return a list of PlannedImpulse(time_s, delta_v_m_s), from {now_s:g} s on, with 3 numbers [m/s] each"
-    if not isinstance(found, Sequence) or not all(isinstance(one, PlannedImpulse) for one in found):
-        raise make_answer_error(guidance, "replan", found, cure)
+    if not isinstance(impulses, Sequence) or not all(isinstance(impulse, PlannedImpulse) for impulse in impulses):
+        raise make_answer_error(guidance, "replan", impulses, cure)
     checked = []
-    for one in found:
-        delta_v = to_real_array(one.delta_v_m_s)
-        if delta_v is None or delta_v.shape != (3,) or not np.isfinite(delta_v).all() or not one.time_s >= now_s:
-            raise make_answer_error(guidance, "replan", one, cure)
+    for impulse in impulses:
+        delta_v = to_real_array(impulse.delta_v_m_s)
+        if delta_v is None or delta_v.shape != (3,) or not np.isfinite(delta_v).all() or not impulse.time_s >= now_s:
+            raise make_answer_error(guidance, "replan", impulse, cure)
         if (size := float(np.linalg.norm(delta_v))) > FASTEST_M_S:
             raise ScenarioError(
-                f"{name_object(guidance)}: replan() wants {size:.3g} m/s at {one.time_s:g} s, more than "
+                f"{name_object(guidance)}: replan() wants {size:.3g} m/s at {impulse.time_s:g} s, more than "
                 f"{FASTEST_M_S:g} m/s; correct it, or give the correction more time before its aim"
             )
         if size > _CARRIED_OUT_M_S:
-            checked.append(PlannedImpulse(float(one.time_s), delta_v))
-    return tuple(sorted(checked, key=lambda one: one.time_s))
+            checked.append(PlannedImpulse(float(impulse.time_s), delta_v))
+    return tuple(sorted(checked, key=lambda impulse: impulse.time_s))

@@ -102,7 +102,7 @@ class PlanFlight:
         ----------
         until_s : last instant of interest [s]
         """
-        edges = [edge for one in (*self.list_maneuvers(until_s), *self._held) for edge in one.edges_s]
+        edges = [edge for push in (*self.list_maneuvers(until_s), *self._held) for edge in push.edges_s]
         return np.unique([0.0, *(edge for edge in edges if edge <= until_s)])
 
     def list_maneuvers(self, until_s: float) -> tuple[Impulse | Burn, ...]:
@@ -114,7 +114,7 @@ class PlanFlight:
         """
         with self._lock:
             self._reach(until_s)
-            return tuple(one for one in self._burns if one.edges_s[0] <= until_s)
+            return tuple(maneuver for maneuver in self._burns if maneuver.edges_s[0] <= until_s)
 
     def list_commands(self, until_s: float) -> tuple[PlannedImpulse, ...]:
         """Return the changes of velocity that the craft commanded up to an instant, those of corrections among them.
@@ -125,7 +125,7 @@ class PlanFlight:
         """
         with self._lock:
             self._reach(until_s)
-            return tuple(one for one in self._commands if one.time_s <= until_s)
+            return tuple(command for command in self._commands if command.time_s <= until_s)
 
     def list_updates_s(self, until_s: float) -> tuple[float, ...]:
         """Return the instants of the updates of guidance up to an instant [s].
@@ -148,7 +148,7 @@ class PlanFlight:
         with self._lock:
             self._reach(until_s)
             known = () if self._filter is None else tuple(self._filter.estimates)
-            return tuple(one for one in known if one.time_s <= until_s)
+            return tuple(estimate for estimate in known if estimate.time_s <= until_s)
 
     def thrust_m_s2(self, time_s: np.ndarray) -> np.ndarray:
         """Return the acceleration (time, 3) by thrust [m/s2] in the chief's rtn axes; impulses are left out.
@@ -175,7 +175,7 @@ class PlanFlight:
     def end_s(self) -> float:
         """Instant at which the plan ends, and a burn that has begun by then [s]."""
         planned_s = self.plan.duration_s
-        burns = [one for one in self.list_maneuvers(planned_s) if isinstance(one, Burn)]
+        burns = [maneuver for maneuver in self.list_maneuvers(planned_s) if isinstance(maneuver, Burn)]
         return max([planned_s, *(burn.until_s for burn in burns)])
 
     def find_miss_m(self) -> np.ndarray:
@@ -193,12 +193,12 @@ class PlanFlight:
         lines = [
             f"  flown     ends {float(np.linalg.norm(miss)):.4g} m off the plan at {end_s:.1f} s: "
             f"radial {radial}, along {along}, cross {cross} m",
-            f"  commands  {len(commands)} impulses of {math.fsum(one.size_m_s for one in commands):.5f} m/s, "
+            f"  commands  {len(commands)} impulses of {math.fsum(command.size_m_s for command in commands):.5f} m/s, "
             f"after {updates} updates of guidance; the plan {self.plan.impulsive_delta_v_m_s:.5f} m/s",
         ]
         if self._filter is not None and (known := self.list_estimates(end_s)):
-            blind = sum(not one.sensors for one in known)
-            sigma = ", ".join(f"{one:.2g}" for one in np.sqrt(np.diagonal(known[-1].covariance)[:3]))
+            blind = sum(not estimate.sensors for estimate in known)
+            sigma = ", ".join(f"{sigma_m:.2g}" for sigma_m in np.sqrt(np.diagonal(known[-1].covariance)[:3]))
             lines.append(
                 f"  filter    {len(known)} instants of measurement, {blind} without a sensor; sigma of the position at "
                 f"{known[-1].time_s:.0f} s: {sigma} m"
@@ -210,10 +210,10 @@ class PlanFlight:
         guidance = self.settings.guidance
         if guidance is None:
             return math.inf
-        found = to_real_array(guidance.next_s(after_s))
-        if found is None or found.shape != () or not found > after_s:
-            raise make_answer_error(guidance, "next_s", found, f"return a time after {after_s:g} s, or infinity")
-        return max(float(found), 0.0)
+        next_s = to_real_array(guidance.next_s(after_s))
+        if next_s is None or next_s.shape != () or not next_s > after_s:
+            raise make_answer_error(guidance, "next_s", next_s, f"return a time after {after_s:g} s, or infinity")
+        return max(float(next_s), 0.0)
 
     def _reach(self, until_s: float) -> None:
         """Make pieces until the last one holds an instant [s]."""
@@ -282,14 +282,14 @@ class PlanFlight:
             chief = self.reference.states(Epochs(self.reference.start_utc, np.array([now_s])))
             place = tuple(chief.position_m[0].tolist()), tuple(chief.velocity_m_s[0].tolist())
             reference = ReferenceOrbit(reference.start_utc, *place, known, reference.maneuvers, now_s)
-        now = [one.delta_v_m_s for one in impulses if one.time_s <= now_s]
+        now = [impulse.delta_v_m_s for impulse in impulses if impulse.time_s <= now_s]
         start = reference.place(state[0], np.sum([state[1], *now], axis=0), now_s)
         pushes: list[Impulse | HeldThrust] = [
-            Impulse(at_s=one.time_s, delta_v_m_s=tuple(one.delta_v_m_s.tolist()), axes="chief_rtn")
-            for one in impulses
-            if now_s < one.time_s < until_s
+            Impulse(at_s=impulse.time_s, delta_v_m_s=tuple(impulse.delta_v_m_s.tolist()), axes="chief_rtn")
+            for impulse in impulses
+            if now_s < impulse.time_s < until_s
         ]
-        pushes += [HeldThrust(self.plan, one.from_s, one.until_s, np.eye(3), one.number) for one in self._held]
+        pushes += [HeldThrust(self.plan, leg.from_s, leg.until_s, np.eye(3), leg.number) for leg in self._held]
         row = _integrate(start, reference, forces, pushes, now_s)(np.array([until_s]))
         at = Epochs(reference.start_utc, np.array([until_s]))
         position, velocity = reference.express(BodyState(row[:, :3], row[:, 3:]), at)
@@ -303,19 +303,19 @@ class PlanFlight:
         thrusters, kept = self.settings.thrusters, list[PlannedImpulse]()
         self._carried.clear()
         ignitions = [
-            max(one.time_s - 0.5 * thrusters.find_duration_s(one.size_m_s, self._mass_kg), begin_s)
-            for one in self._pending
+            max(impulse.time_s - 0.5 * thrusters.find_duration_s(impulse.size_m_s, self._mass_kg), begin_s)
+            for impulse in self._pending
         ]
-        for ignition_s, one in sorted(zip(ignitions, self._pending, strict=True), key=operator.itemgetter(0)):
+        for ignition_s, impulse in sorted(zip(ignitions, self._pending, strict=True), key=operator.itemgetter(0)):
             if ignition_s >= self._next_s:
-                kept.append(one)
+                kept.append(impulse)
                 continue
             draw = make_generator(self.settings.seed, IMPULSES, len(self._commands))
-            done = thrusters.disturb(one.delta_v_m_s, draw)
+            done = thrusters.disturb(impulse.delta_v_m_s, draw)
             maneuver = thrusters.make_maneuver(ignition_s, done, self._mass_kg)
-            self._commands.append(one)
+            self._commands.append(impulse)
             duration_s = thrusters.find_duration_s(float(np.linalg.norm(done)), self._mass_kg)
-            self._carried.append(CarriedBurn(ignition_s + 0.5 * duration_s, one.delta_v_m_s, done))
+            self._carried.append(CarriedBurn(ignition_s + 0.5 * duration_s, impulse.delta_v_m_s, done))
             self._mass_kg = thrusters.spend(self._mass_kg, float(np.linalg.norm(done)))
             if maneuver is not None:
                 self._burns.append(maneuver)
@@ -349,8 +349,8 @@ def _integrate(
 def _place_on_plan(plan: Plan, reference: ReferenceOrbit) -> BodyState:
     """Return the inertial state (3,) at the start of a plan, before its first impulses."""
     position, velocity = (rows[0] for rows in plan.relative(np.zeros(1)))
-    made = [one.delta_v_m_s for one in plan.impulses if one.time_s <= 0.0]
-    return reference.place(position, velocity - np.sum([np.zeros(3), *made], axis=0))
+    jumps_m_s = [impulse.delta_v_m_s for impulse in plan.impulses if impulse.time_s <= 0.0]
+    return reference.place(position, velocity - np.sum([np.zeros(3), *jumps_m_s], axis=0))
 
 
 def _time_s(impulse: PlannedImpulse) -> float:

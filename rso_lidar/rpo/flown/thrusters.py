@@ -126,8 +126,8 @@ class Thrusters(Part):
         from scipy.spatial.transform import Rotation
 
         turned = Rotation.from_rotvec(np.array(self.misalignment_deg) * units.DEG).as_matrix()
-        made: np.ndarray = (1.0 + self.magnitude_error_fraction) * turned
-        return made
+        factor: np.ndarray = (1.0 + self.magnitude_error_fraction) * turned
+        return factor
 
     def find_covariance(self, square: np.ndarray) -> np.ndarray:
         """Return the covariance (3, 3, …) of a burn's random errors [m2/s2], to first order.
@@ -140,11 +140,11 @@ class Thrusters(Part):
         wide = (slice(None), slice(None), *(None,) * (square.ndim - 2))
         unit = np.eye(3)[wide]
         along = square / np.where(total > 0.0, total, 1.0)
-        made = self.magnitude_sigma_fraction**2 * square
-        made = made + (self.pointing_sigma_deg * units.DEG) ** 2 * (total * unit - square)
+        proportional = self.magnitude_sigma_fraction**2 * square
+        proportional = proportional + (self.pointing_sigma_deg * units.DEG) ** 2 * (total * unit - square)
         fixed = self.magnitude_sigma_m_s**2 * along + self.pointing_sigma_m_s**2 * (unit - along)
-        found: np.ndarray = np.where(total > 0.0, made + fixed, made)
-        return found
+        covariance: np.ndarray = np.where(total > 0.0, proportional + fixed, proportional)
+        return covariance
 
     def spend(self, mass_kg: float, delta_v_m_s: float) -> float:
         """Return the mass after a change of velocity [kg], by Tsiolkovsky's equation.

@@ -59,8 +59,8 @@ class FilterBank:
     @property
     def orbit(self) -> np.ndarray:
         """Estimated deviations (6, run) of position [m] and velocity [m/s]."""
-        found: np.ndarray = self.state[:ORBIT_STATES]
-        return found
+        deviations: np.ndarray = self.state[:ORBIT_STATES]
+        return deviations
 
     def begin_leg(self) -> None:
         """Begin a leg that is held by thrust, whose errors are not known."""
@@ -142,14 +142,14 @@ class FilterBank:
                 moved, kept, _ = _assimilate(moved, kept, slope, at - np.sum(slope * moved, axis=0), variance)
             place = np.where(seen, moved, place)
         rows = _linearise(place, turned, seen_range_m if sensor.measures_range else None)
-        made = []
+        updates = []
         for (slope, at), variance in zip(rows, variances, strict=False):
             innovation = at - np.sum(slope * (reference_m + self.state[:3]), axis=0)
             self.state, self.covariance, gain = _assimilate(
                 self.state, self.covariance, slope, innovation, variance, seen
             )
-            made.append(ScalarUpdate(slope, gain, np.sqrt(variance)))
-        return made
+            updates.append(ScalarUpdate(slope, gain, np.sqrt(variance)))
+        return updates
 
     def find_orbit_covariance(self, axes: np.ndarray, turn_rad_s: np.ndarray) -> np.ndarray:
         """Return the covariance (run, 6, 6) of position [m] and velocity [m/s] in rotating axes.
@@ -163,8 +163,8 @@ class FilterBank:
         whole = np.kron(np.eye(2), axes.T)
         whole[3:, :3] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ axes.T
         once = apply_matrix(whole, self.covariance[:ORBIT_STATES, :ORBIT_STATES])
-        made: np.ndarray = apply_matrix(whole, once.transpose(1, 0, 2)).transpose(2, 0, 1)
-        return made
+        covariance: np.ndarray = apply_matrix(whole, once.transpose(1, 0, 2)).transpose(2, 0, 1)
+        return covariance
 
     @staticmethod
     def _find_variances(sensor: NavigationLidar | NavigationCamera, expected_m: np.ndarray) -> Sequence[np.ndarray]:
@@ -196,10 +196,10 @@ def apply_matrix(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """
     wide = (slice(None), slice(None), *(None,) * (columns.ndim - 1))
     spread = matrix[wide]
-    made: np.ndarray = spread[:, 0] * columns[0]
+    product: np.ndarray = spread[:, 0] * columns[0]
     for k in range(1, matrix.shape[1]):
-        made = made + spread[:, k] * columns[k]
-    return made
+        product = product + spread[:, k] * columns[k]
+    return product
 
 
 def _linearise(
@@ -251,8 +251,8 @@ def _assimilate(
 
 
 def _sum_three(covariance: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    made: np.ndarray = covariance[:, 0] * slope[0] + covariance[:, 1] * slope[1] + covariance[:, 2] * slope[2]
-    return made
+    product: np.ndarray = covariance[:, 0] * slope[0] + covariance[:, 1] * slope[1] + covariance[:, 2] * slope[2]
+    return product
 
 
 def _split(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -262,5 +262,5 @@ def _split(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _dot_square(vectors: np.ndarray) -> np.ndarray:
-    made: np.ndarray = vectors[0] ** 2 + vectors[1] ** 2 + vectors[2] ** 2
-    return made
+    square: np.ndarray = vectors[0] ** 2 + vectors[1] ** 2 + vectors[2] ** 2
+    return square

@@ -46,8 +46,8 @@ class RangeNoise(Part):
         ----------
         range_m : ranges (run,) [m]
         """
-        found: np.ndarray = np.exp(np.interp(np.log(range_m), np.log(self.range_m), np.log(self.sigma_m)))
-        return found
+        sigma_m: np.ndarray = np.exp(np.interp(np.log(range_m), np.log(self.range_m), np.log(self.sigma_m)))
+        return sigma_m
 
 
 class _NavigationSensor(Part):
@@ -105,8 +105,8 @@ class _NavigationSensor(Part):
         ----------
         range_m : ranges (run,) [m]
         """
-        found: np.ndarray = np.hypot(self.bearing_sigma_deg * units.DEG, self.origin_sigma_m / range_m)
-        return found
+        sigma_rad: np.ndarray = np.hypot(self.bearing_sigma_deg * units.DEG, self.origin_sigma_m / range_m)
+        return sigma_rad
 
     def can_measure(self, range_m: np.ndarray, off_axis_rad: np.ndarray) -> np.ndarray:
         """Return whether the target is within the limits of range and field, whatever the light is.
@@ -153,8 +153,8 @@ class NavigationLidar(_NavigationSensor):
         """
         square = self.range_sigma_m**2 + self.origin_sigma_m**2
         grown = self.range_noise.find_sigma_m(range_m) ** 2 if self.range_noise is not None else 0.0
-        found: np.ndarray = np.sqrt(square + grown + np.zeros_like(range_m))
-        return found
+        sigma_m: np.ndarray = np.sqrt(square + grown + np.zeros_like(range_m))
+        return sigma_m
 
 
 class NavigationCamera(_NavigationSensor):

@@ -88,5 +88,5 @@ class RelativeFilter(Part):
         """
         density = self.acceleration_m_s2_sqrt_hz**2
         block = density * np.array([[step_s**3 / 3.0, step_s**2 / 2.0], [step_s**2 / 2.0, step_s]])
-        made: np.ndarray = np.kron(block, np.eye(3))
-        return made
+        covariance: np.ndarray = np.kron(block, np.eye(3))
+        return covariance

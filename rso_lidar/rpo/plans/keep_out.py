@@ -91,10 +91,10 @@ class KeepOutSphere:
         if nearest_m >= self.radius_m:
             return plan
         if self.axis is not None:
-            found = self._find_worst_entry_s(plan)
-            if found is None:
+            entry_s = self._find_worst_entry_s(plan)
+            if entry_s is None:
                 return plan
-            at_s = found
+            at_s = entry_s
         raise self._error(at_s, plan.relative(np.array([at_s]))[0][0])
 
     def _find_worst_entry_s(self, plan: Plan) -> float | None:

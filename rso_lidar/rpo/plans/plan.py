@@ -257,19 +257,19 @@ class Plan:
         horizon_s : how long after the failure the drift is followed [s]; two revolutions of the body if left out
         """
         horizon = SAFE_REVOLUTIONS * self.revolution_s if horizon_s is None else check_horizon(horizon_s)
-        found: list[tuple[float, float, float]] = []  # distance, failure, nearest
+        drifts: list[tuple[float, float, float]] = []  # distance, failure, nearest
         first = self.impulses[0] if self.impulses else None
         if first is not None and first.time_s <= 0.0:  # the first impulse fails
             position, velocity = self.relative(np.zeros(1))
             before = make_coast(0.0, position[0], velocity[0] - first.delta_v_m_s, self.mean_motion_rad_s).path
-            found.append(self._find_nearest_adrift(self.adrift or before, 0.0, 0.0, horizon))
+            drifts.append(self._find_nearest_adrift(self.adrift or before, 0.0, 0.0, horizon))
         for leg, begin_s, end_s in self.stretches():
             if leg.acceleration_m_s2 is None:  # the impulse that ends it fails, and it continues
-                found.append(self._find_nearest_adrift(leg.path, begin_s, end_s - begin_s, end_s - begin_s + horizon))
+                drifts.append(self._find_nearest_adrift(leg.path, begin_s, end_s - begin_s, end_s - begin_s + horizon))
                 continue
             spans = self._spans(horizon, _FINE_DRIFT)
-            found += [self._worst_stop(leg, begin_s, end_s - begin_s, span) for span in spans]
-        return PassiveSafety(*min(found), horizon)
+            drifts += [self._worst_stop(leg, begin_s, end_s - begin_s, span) for span in spans]
+        return PassiveSafety(*min(drifts), horizon)
 
     def _find_nearest_adrift(
         self, path: Path, begin_s: float, failure_s: float, until_s: float

@@ -159,8 +159,8 @@ class Waypoints(ProximityOperation):
         if self.hold_s > 0.0 and not self.stop:
             raise ValueError("hold_s: to hold a position it must stop there; set stop = true, or leave hold_s out")
         if self.times_s is None:
-            for k, (one, other) in enumerate(pairwise(self.positions_m)):
-                if one == other:
+            for k, (position_m, next_m) in enumerate(pairwise(self.positions_m)):
+                if position_m == next_m:
                     raise ValueError(
                         f"positions_m[{k + 1}]: is the same as the position before it; leave it out, or use times_s"
                     )
@@ -341,7 +341,11 @@ def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[fl
             if part.revolutions is not None or (turns == counts[0] and turns == 0):
                 raise
     orbit = min(
-        orbits, key=lambda one: (_find_lowest_m(start_m, one, part.duration_s) < units.EARTH_RADIUS_M, cost(one))
+        orbits,
+        key=lambda transfer: (
+            _find_lowest_m(start_m, transfer, part.duration_s) < units.EARTH_RADIUS_M,
+            cost(transfer),
+        ),
     )
 
     def path(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

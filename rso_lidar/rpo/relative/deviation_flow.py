@@ -47,7 +47,7 @@ class DeviationFlow:
             begin + 0.5 * step * np.arange(2 * count + 1)
             for begin, step, count in zip(node_s[:-1], self._step_s, self._steps, strict=True)
         ]
-        self._begins = np.cumsum([0, *(len(one) for one in stages)])
+        self._begins = np.cumsum([0, *(len(instants_s) for instants_s in stages)])
         self.stage_s = np.concatenate([*stages, node_s[-1:]])
         self._gravity = forces.gravity(start_utc)
         self._reference = reference(self.stage_s)
@@ -109,5 +109,5 @@ class DeviationFlow:
         """
         here = self._reference[stage]
         pulled = self._gravity(here[0] + d[0], here[1] + d[1], here[2] + d[2])
-        made: np.ndarray = np.stack(pulled) - self._along[stage][:, None]
-        return made if push is None else made + push(stage)
+        acceleration: np.ndarray = np.stack(pulled) - self._along[stage][:, None]
+        return acceleration if push is None else acceleration + push(stage)

@@ -89,7 +89,7 @@ class Nonlinear(RelativeState):
         -------
         times since the `start_utc` of `epochs` [s]
         """
-        return np.array([edge_s for one in self.maneuvers for edge_s in one.edges_s])
+        return np.array([edge_s for maneuver in self.maneuvers for edge_s in maneuver.edges_s])
 
     def advise(self, end_s: float) -> list[str]:
         """Report maneuvers after the last frame.
@@ -107,7 +107,7 @@ class Nonlinear(RelativeState):
     @property
     def impulses_s(self) -> tuple[float, ...]:
         """Instants of the impulses among the maneuvers [s]."""
-        return tuple(one.at_s for one in self.maneuvers if isinstance(one, Impulse))
+        return tuple(maneuver.at_s for maneuver in self.maneuvers if isinstance(maneuver, Impulse))
 
     @property
     def delta_v_m_s(self) -> float:

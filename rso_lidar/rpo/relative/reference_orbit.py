@@ -99,7 +99,7 @@ class ReferenceOrbit:
         -------
         (break,) times since `start_utc` [s]
         """
-        return np.array([edge_s for one in self.maneuvers for edge_s in one.edges_s])
+        return np.array([edge_s for maneuver in self.maneuvers for edge_s in maneuver.edges_s])
 
     def express(self, body: BodyState, epochs: Epochs) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) of a body in the rotating rtn axes of this orbit.

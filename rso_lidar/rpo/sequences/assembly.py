@@ -148,7 +148,7 @@ class Assembly:
     def _begin(self, own: Plan) -> None:
         """Begin with the first leg: at its start, before its first impulse."""
         position, velocity = own.relative(np.zeros(1))
-        jumps = [one.delta_v_m_s for one in own.impulses if one.time_s <= _LEAST_S]
+        jumps = [impulse.delta_v_m_s for impulse in own.impulses if impulse.time_s <= _LEAST_S]
         self.position_m = position[0]
         self.before_m_s = self.velocity_m_s = velocity[0] - sum(jumps, np.zeros(3))
         self.adrift, self._is_begun = own.adrift, True
@@ -204,9 +204,9 @@ class Assembly:
         flight = LegFlight(own.relative, self.now_s, self.n, leg.find_step_s(self.n), self.sun)
         if leg.until.name == "time" and leg.is_endless:
             limit_s = math.inf
-        found = leg.until.find_end_s(flight, limit_s)
-        if found is not None:
-            return found, leg.until.name
+        end_s = leg.until.find_end_s(flight, limit_s)
+        if end_s is not None:
+            return end_s, leg.until.name
         if leg.is_endless and leg.has_own_end:
             return own.duration_s, "plan"
         why = "the operation then ends" if leg.has_own_end else f"{LONGEST_WAIT:g} revolutions"

@@ -196,10 +196,10 @@ class AtSunAngle(_Bounds):
     def margin(self, flight: LegFlight, time_s: np.ndarray) -> np.ndarray:
         """Return the angle on the side that is asked for (time,) [rad]; see `EndCondition`."""
         position, _ = flight.path(time_s)
-        found = angle_rad(-position, flight.sun.direction(flight.begin_s + time_s))
+        sun_angle_rad = angle_rad(-position, flight.sun.direction(flight.begin_s + time_s))
         if self.at_most_deg is None:
-            return found - (self.at_least_deg or 0.0) * units.DEG
-        return self.at_most_deg * units.DEG - found
+            return sun_angle_rad - (self.at_least_deg or 0.0) * units.DEG
+        return self.at_most_deg * units.DEG - sun_angle_rad
 
 
 class InSunlight(EndCondition):

@@ -57,11 +57,11 @@ class PlanLimits:
         if self.acceleration_m_s2 is not None:
             for times_s, control in _sample_thrust(plan):
                 size = np.linalg.norm(control, axis=1)
-                if (found := float(size.max())) > self.acceleration_m_s2:
+                if (largest_m_s2 := float(size.max())) > self.acceleration_m_s2:
                     raise ScenarioError(
-                        f"max_acceleration_m_s2: at {times_s[np.argmax(size)]:.1f} s thrust accelerates by {found:.4g} "
-                        f"m/s2, more than {self.acceleration_m_s2:g} m/s2; fly slower or nearer to the V-bar, or raise "
-                        "the limit"
+                        f"max_acceleration_m_s2: at {times_s[np.argmax(size)]:.1f} s thrust accelerates by "
+                        f"{largest_m_s2:.4g} m/s2, more than {self.acceleration_m_s2:g} m/s2; fly slower or nearer to the "
+                        "V-bar, or raise the limit"
                     )
         if self.plume_half_angle_deg is not None and self.plume_range_m is not None:
             self._check_plume(plan, self.plume_half_angle_deg, self.plume_range_m)
@@ -74,7 +74,7 @@ class PlanLimits:
         half_angle_deg : angle about the exhaust in which the body may not be [deg]
         range_m : distance from the body up to which that holds [m]
         """
-        at_once = [(np.array([one.time_s]), one.delta_v_m_s[None]) for one in plan.impulses]
+        at_once = [(np.array([impulse.time_s]), impulse.delta_v_m_s[None]) for impulse in plan.impulses]
         for times_s, push in sorted([*at_once, *_sample_thrust(plan)], key=lambda pair: float(pair[0][0])):
             position, _ = plan.relative(times_s)
             away_m = np.linalg.norm(position, axis=1)

@@ -43,8 +43,9 @@ class FitStatistics:
         -------
         FitStatistics
         """
-        found = solution
-        return cls(time_s, found.residual, found.square, found.used, found.chi2, found.degrees_of_freedom)
+        return cls(
+            time_s, solution.residual, solution.square, solution.used, solution.chi2, solution.degrees_of_freedom
+        )
 
     @property
     def n_used(self) -> int:

@@ -168,12 +168,12 @@ def solve_gated(
         # orbit, so it needs to be near the rounding of float64.
         ends = {"ftol": 1e-6 if robust else 1e-12, "xtol": 1e-15, "gtol": 1e-14, "max_nfev": 50}
         try:
-            found: np.ndarray = least_squares(find_rows, values, jac=find_slopes, x_scale="jac", **loss, **ends).x
+            solution: np.ndarray = least_squares(find_rows, values, jac=find_slopes, x_scale="jac", **loss, **ends).x
         except PropagationError:  # a step toward wrong measurements leads into the Earth
             raise ScenarioError(
                 f"{name}: no orbit fits; check measurements, state more noise, or other forces"
             ) from None
-        return found
+        return solution
 
     used = np.ones(count, dtype=bool)
     _check_rank(weigh(model(start)[1], used, independent=True), prior, name)
@@ -223,9 +223,9 @@ def _remember_last(model: Model) -> Model:
     def recall(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = values.tobytes()
         if key not in last:
-            found = model(values)
+            evaluation = model(values)
             last.clear()
-            last[key] = found
+            last[key] = evaluation
         return last[key]
 
     return recall

@@ -155,7 +155,7 @@ def fit_own_state(
         for kind, factor in enumerate(factors[key]):
             turned = even[used] @ values[used, 3 * kind : 3 * kind + 3]
             white.append(factor @ turned.reshape(len(turned), -1))
-        return np.concatenate([one.reshape(-1, values.shape[-1]) for one in white])
+        return np.concatenate([block.reshape(-1, values.shape[-1]) for block in white])
 
     def model(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         there = propagate_state(vector, time_s, at_s, start_utc, forces)
@@ -163,9 +163,9 @@ def fit_own_state(
         return rows - predicted, find_transition(vector, time_s - at_s)
 
     start = _find_start(time_s, rows, at_s)
-    found = solve_gated(model, start, marginal, whitening=whiten, gate=gate, name="own orbit")
-    orbit = EstimatedOrbit(start_utc, at_s, found.values[:3], found.values[3:], found.covariance, forces)
-    return OwnOrbitFit(orbit, FitStatistics.from_solution(time_s, found), n_solutions)
+    solution = solve_gated(model, start, marginal, whitening=whiten, gate=gate, name="own orbit")
+    orbit = EstimatedOrbit(start_utc, at_s, solution.values[:3], solution.values[3:], solution.covariance, forces)
+    return OwnOrbitFit(orbit, FitStatistics.from_solution(time_s, solution), n_solutions)
 
 
 def _find_start(time_s: np.ndarray, rows: np.ndarray, at_s: float) -> np.ndarray:

@@ -132,13 +132,18 @@ class RelativeOrbitFit:
         if self.offset_m.any() or self.offset_sigma_m.any():
             lines.append(
                 "centroid minus origin, along and across the line of sight: "
-                + ", ".join(f"{one:.3f} ± {of:.3f}" for one, of in zip(self.offset_m, self.offset_sigma_m, strict=True))
+                + ", ".join(
+                    f"{offset_m:.3f} ± {of:.3f}"
+                    for offset_m, of in zip(self.offset_m, self.offset_sigma_m, strict=True)
+                )
                 + " m"
             )
         if self.turn_sigma_rad.any():
             pairs = zip(self.turn_rad / units.ARCSEC, self.turn_sigma_rad / units.ARCSEC, strict=True)
             lines.append(
-                "rotation about body axes: " + ", ".join(f"{one:.1f} ± {of:.1f}" for one, of in pairs) + " arcsec"
+                "rotation about body axes: "
+                + ", ".join(f"{turn_arcsec:.1f} ± {of:.1f}" for turn_arcsec, of in pairs)
+                + " arcsec"
             )
         return "\n".join([*lines, stats.describe()])
 
@@ -233,12 +238,12 @@ def fit_relative_state(
         ]
         return residual, slopes @ moved
 
-    found = solve_gated(model, start[free], spreads, prior_sigma=prior_sigma[free], gate=gate, name="relative orbit")
-    values, covariance = expand(found.values), np.zeros((12, 12))
-    covariance[np.ix_(free, free)] = found.covariance
+    solution = solve_gated(model, start[free], spreads, prior_sigma=prior_sigma[free], gate=gate, name="relative orbit")
+    values, covariance = expand(solution.values), np.zeros((12, 12))
+    covariance[np.ix_(free, free)] = solution.covariance
     considered = np.zeros((12, 6))
     if own.covariance.any():
-        considered[free] = found.map_errors(basis @ prediction.differentiate_own(values[_STATE]))
+        considered[free] = solution.map_errors(basis @ prediction.differentiate_own(values[_STATE]))
         covariance += considered @ own.covariance @ considered.T
     sigma = np.sqrt(np.diag(covariance))
     return RelativeOrbitFit(
@@ -250,7 +255,7 @@ def fit_relative_state(
         sigma[_OFFSET],
         values[_TURN],
         sigma[_TURN],
-        FitStatistics.from_solution(time_s, found),
+        FitStatistics.from_solution(time_s, solution),
         own,
         motion,
     )
@@ -282,5 +287,5 @@ def _find_start(line: np.ndarray, flown: BodyState, prediction: RelativePredicti
     line : (measurement, 3) target minus follower [m]
     """
     slopes = prediction.differentiate(np.zeros(6))
-    found: np.ndarray = np.linalg.lstsq(slopes.reshape(-1, 6), line.ravel(), rcond=None)[0]
-    return found
+    state: np.ndarray = np.linalg.lstsq(slopes.reshape(-1, 6), line.ravel(), rcond=None)[0]
+    return state

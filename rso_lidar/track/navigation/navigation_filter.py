@@ -71,9 +71,9 @@ class NavigationFilter:
         size = _FIRST_PROCESS
         for part in (gyro, star_tracker, gnss, relative_gnss):
             if part is not None:
-                self._processes[part.name] = found = SensorProcesses.of(part, size)
-                starts.append(found.start)
-                size += len(found.start)
+                self._processes[part.name] = processes = SensorProcesses.of(part, size)
+                starts.append(processes.start)
+                size += len(processes.start)
         self._states = np.concatenate(
             [
                 estimate.position_m,
@@ -296,8 +296,8 @@ class NavigationFilter:
         """Return the estimated angular velocity (xyz) in body axes [rad/s]; zero before the first sample of the gyro."""
         if not self._rates:
             return np.zeros(3)
-        found = self._rates[-1][1] - self._gyro_spread @ self._states[_FIRST_PROCESS:]
-        return np.asarray(self._body_from_gyro @ found)
+        rate_rad_s = self._rates[-1][1] - self._gyro_spread @ self._states[_FIRST_PROCESS:]
+        return np.asarray(self._body_from_gyro @ rate_rad_s)
 
     def _spread(self, name: str, count: int) -> np.ndarray:
         return self._processes[name].spread(count, len(self._states))

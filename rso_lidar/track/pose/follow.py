@@ -81,7 +81,7 @@ class _Hypothesis:
     def move(
         self,
         time_s: float,
-        found: Alignment,
+        alignment: Alignment,
         misfit: float,
         middle_m: np.ndarray,
         axes_from_lidar: Rotation,
@@ -98,13 +98,13 @@ class _Hypothesis:
         axes_from_lidar : attitude of the lidar in these axes
         is_turned : whether the pose was corrected by a turn about an axis of the body, which is no motion
         """
-        in_axes = pose(rotation=axes_from_lidar) * found.pose
+        in_axes = pose(rotation=axes_from_lidar) * alignment.pose
         if time_s > self.time_s and not is_turned:
             rate_rad_s = (in_axes.rotation * self.in_axes.rotation.inv()).as_rotvec() / (time_s - self.time_s)
             self.rate_rad_s = self.rate_rad_s + max(_NEW_RATE, 1.0 / self.age) * (rate_rad_s - self.rate_rad_s)
         share = max(_NEW, 1.0 / (self.age + 1))
         self.square_m2 += share * (misfit**2 - self.square_m2)
-        self.time_s, self.in_axes, self.middle_m, self.found = time_s, in_axes, middle_m, found
+        self.time_s, self.in_axes, self.middle_m, self.found = time_s, in_axes, middle_m, alignment
         self.age += 1
 
 
@@ -172,56 +172,60 @@ class PoseFollower:
         points = points_m[:: -(-len(points_m) // self.most_points)]
         middle = axes_from_lidar.apply(points.mean(axis=0))
         self._waited += 1
-        usual_m = np.sqrt(min((one.square_m2 for one in self._kept), default=0.0))
+        usual_m = np.sqrt(min((hypothesis.square_m2 for hypothesis in self._kept), default=0.0))
         outline, now_m = find_outline(points), np.inf
-        for one in self._kept:
-            hinges = one.hinges.predict(time_s)
+        for hypothesis in self._kept:
+            hinges = hypothesis.hinges.predict(time_s)
             posed = self.model.turn_hinges(hinges.angles_rad)
-            guess = one.guess(time_s, middle, axes_from_lidar)
-            found = align(points, posed, guess, hinge_sigmas_rad=hinges.sigmas_rad)
+            guess = hypothesis.guess(time_s, middle, axes_from_lidar)
+            alignment = align(points, posed, guess, hinge_sigmas_rad=hinges.sigmas_rad)
             is_turned = is_swung = False
-            if one is self._kept[0]:
+            if hypothesis is self._kept[0]:
                 if self.model.hinges:
-                    other, gain = search_hinges(points, self.model, found)
+                    other, gain = search_hinges(points, self.model, alignment)
                     is_swung = gain > _BETTER_ANGLES
-                    found = align_again(points, self.model, other) if is_swung else found
-                other, gain = search_turns(points, self.model, found, half_field_rad)
-                apart_rad = (other.pose.rotation.inv() * found.pose.rotation).magnitude()
+                    alignment = align_again(points, self.model, other) if is_swung else alignment
+                other, gain = search_turns(points, self.model, alignment, half_field_rad)
+                apart_rad = (other.pose.rotation.inv() * alignment.pose.rotation).magnitude()
                 if apart_rad > _SAME_TURN_RAD:
-                    one.certainty = min(one.certainty - gain, _MOST_CERTAIN)
-                    is_turned = one.certainty < -LIKELIER
+                    hypothesis.certainty = min(hypothesis.certainty - gain, _MOST_CERTAIN)
+                    is_turned = hypothesis.certainty < -LIKELIER
                 if is_turned or (gain > 0.0 and apart_rad <= _SAME_TURN_RAD):
                     is_swung = is_swung or is_turned
                     if is_swung:
-                        found = align_again(points, self.model, other)
+                        alignment = align_again(points, self.model, other)
                     else:
-                        found = align(points, posed, other.pose, hinge_sigmas_rad=hinges.sigmas_rad)
-                    one.certainty = max(one.certainty, LIKELIER)
+                        alignment = align(points, posed, other.pose, hinge_sigmas_rad=hinges.sigmas_rad)
+                    hypothesis.certainty = max(hypothesis.certainty, LIKELIER)
             if is_swung and self.model.hinges:
-                found = keep_sides(points, posed, found)
-            hinges.update(found.hinge_angles_rad, found.hinge_sigmas_rad, is_predicted=not is_swung)
-            one.hinges = hinges
-            misfit = measure_misfit_m(found, self.model, points, outline, half_field_rad)
-            one.move(time_s, found, misfit, middle, axes_from_lidar, is_turned=is_turned)
+                alignment = keep_sides(points, posed, alignment)
+            hinges.update(alignment.hinge_angles_rad, alignment.hinge_sigmas_rad, is_predicted=not is_swung)
+            hypothesis.hinges = hinges
+            misfit = measure_misfit_m(alignment, self.model, points, outline, half_field_rad)
+            hypothesis.move(time_s, alignment, misfit, middle, axes_from_lidar, is_turned=is_turned)
             now_m = min(now_m, misfit)
         lost = not self._kept or now_m > _LOST * usual_m
         if lost and self._waited >= self.patience:
             self._waited = 0
             angles_rad = self._kept[0].hinges.predict(time_s).angles_rad if self._kept else {}
             model, self._kept = self.model.turn_hinges(angles_rad), []
-            for found in acquire(points, model, count=self.hypotheses, half_field_rad=half_field_rad):
-                square_m2 = measure_misfit_m(found, self.model, points, outline, half_field_rad) ** 2
-                in_axes = pose(rotation=axes_from_lidar) * found.pose
-                hinges = HingeFilter.start(time_s, found.hinge_angles_rad, found.hinge_sigmas_rad)
-                self._kept.append(_Hypothesis(time_s, in_axes, middle, found, square_m2, hinges))
+            for alignment in acquire(points, model, count=self.hypotheses, half_field_rad=half_field_rad):
+                square_m2 = measure_misfit_m(alignment, self.model, points, outline, half_field_rad) ** 2
+                in_axes = pose(rotation=axes_from_lidar) * alignment.pose
+                hinges = HingeFilter.start(time_s, alignment.hinge_angles_rad, alignment.hinge_sigmas_rad)
+                self._kept.append(_Hypothesis(time_s, in_axes, middle, alignment, square_m2, hinges))
         if not self._kept:
             return None
-        self._kept.sort(key=lambda one: one.square_m2)
+        self._kept.sort(key=lambda hypothesis: hypothesis.square_m2)
         best = self._kept[0]
-        self._kept = [one for one in self._kept if one is best or self._is_viable(one, best)]
+        self._kept = [
+            hypothesis for hypothesis in self._kept if hypothesis is best or self._is_viable(hypothesis, best)
+        ]
         return best.found
 
-    def _is_viable(self, one: _Hypothesis, best: _Hypothesis) -> bool:
+    def _is_viable(self, hypothesis: _Hypothesis, best: _Hypothesis) -> bool:
         """Return whether a hypothesis still differs from the best one, and is not much worse."""
-        apart = (one.in_axes.rotation.inv() * best.in_axes.rotation).magnitude()
-        return bool(apart > _SAME_POSE_RAD and (one.age < _OLD or one.square_m2 < _WORSE * best.square_m2))
+        apart = (hypothesis.in_axes.rotation.inv() * best.in_axes.rotation).magnitude()
+        return bool(
+            apart > _SAME_POSE_RAD and (hypothesis.age < _OLD or hypothesis.square_m2 < _WORSE * best.square_m2)
+        )

@@ -53,7 +53,7 @@ class HingeFilter:
         return HingeFilter(
             time_s,
             {name: move @ state for name, state in self.states.items()},
-            {name: move @ one @ move.T + noise for name, one in self.covariances.items()},
+            {name: move @ covariance @ move.T + noise for name, covariance in self.covariances.items()},
         )
 
     def update(self, angles_rad: Mapping[str, float], sigmas_rad: Mapping[str, float], *, is_predicted: bool) -> None:
@@ -83,4 +83,7 @@ class HingeFilter:
     @property
     def sigmas_rad(self) -> dict[str, float]:
         """Standard deviations of the angles by name [rad], at most that of an unknown angle."""
-        return {name: float(min(np.sqrt(one[0, 0]), UNKNOWN_ANGLE_RAD)) for name, one in self.covariances.items()}
+        return {
+            name: float(min(np.sqrt(covariance[0, 0]), UNKNOWN_ANGLE_RAD))
+            for name, covariance in self.covariances.items()
+        }

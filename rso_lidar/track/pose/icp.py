@@ -116,13 +116,13 @@ def align(
         turned_rad = np.concatenate([turn, swing])
         if np.abs(turned_rad).max() < _STILL and np.abs(shift).max() < _STILL * model.radius_m:
             break
-    found = Alignment(body_from_lidar.inv(), float(np.sqrt(np.mean(off**2))), taken)
+    alignment = Alignment(body_from_lidar.inv(), float(np.sqrt(np.mean(off**2))), taken)
     if not model.hinges:
-        return found
+        return alignment
     spread_rad = _estimate_hinge_sigmas_rad(rows, off, sigma_rad, model.radius_m)
     names = [hinge.name for hinge in model.hinges]
     return replace(
-        found,
+        alignment,
         hinge_angles_rad=dict(zip(names, angles.tolist(), strict=True)),
         hinge_sigmas_rad=dict(zip(names, spread_rad.tolist(), strict=True)),
     )
@@ -218,8 +218,8 @@ def _find_returning(model: SampledMesh, nearest: np.ndarray) -> np.ndarray:
     nearest : numbers (n) of the points of the mesh that are nearest to those of a cloud
     """
     assert model.hinge_of is not None
-    found = np.bincount(model.hinge_of[nearest] + 1, minlength=len(model.hinges) + 1)
-    returning: np.ndarray = (model.hinge_of < 0) | (found >= _FEWEST_ON_HINGE)[model.hinge_of + 1]
+    n_points = np.bincount(model.hinge_of[nearest] + 1, minlength=len(model.hinges) + 1)
+    returning: np.ndarray = (model.hinge_of < 0) | (n_points >= _FEWEST_ON_HINGE)[model.hinge_of + 1]
     return returning
 
 

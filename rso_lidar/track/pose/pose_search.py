@@ -59,26 +59,30 @@ def acquire(
     tried = []
     for rotation in spread_rotations(starts):
         start = pose(middle - rotation.apply(model.middle_m), rotation)
-        found = align(some, model, start, _COARSE_STEPS)
-        tried.append((measure_misfit_m(found, model, some, outline, half_field_rad), found))
-    tried.sort(key=lambda one: one[0])
+        alignment = align(some, model, start, _COARSE_STEPS)
+        tried.append((measure_misfit_m(alignment, model, some, outline, half_field_rad), alignment))
+    tried.sort(key=lambda trial: trial[0])
     if model.hinges:
-        better = [_improve_hinges(some, model, found, _COARSE_STEPS) for _, found in tried[: starts // _HINGED_SHARE]]
-        tried = [(measure_misfit_m(found, model, some, outline, half_field_rad), found) for found in better]
-        tried.sort(key=lambda one: one[0])
-    ranked = [found for _, found in tried]
+        better = [
+            _improve_hinges(some, model, alignment, _COARSE_STEPS) for _, alignment in tried[: starts // _HINGED_SHARE]
+        ]
+        tried = [(measure_misfit_m(alignment, model, some, outline, half_field_rad), alignment) for alignment in better]
+        tried.sort(key=lambda trial: trial[0])
+    ranked = [alignment for _, alignment in tried]
     best = ranked[:3] if count == 1 else _select_unlike(ranked, model, count)
-    finished = [align_again(points, model, found) for found in best]
-    for place, found in enumerate(finished):
-        other, gain = search_turns(points, model, found, half_field_rad)
+    finished = [align_again(points, model, alignment) for alignment in best]
+    for place, alignment in enumerate(finished):
+        other, gain = search_turns(points, model, alignment, half_field_rad)
         if gain > LIKELIER:
             finished[place] = align_again(points, model, other)
     if model.hinges:
-        finished = [keep_sides(points, model, _improve_hinges(points, model, found)) for found in finished]
-    return sorted(finished, key=lambda found: measure_misfit_m(found, model, points, outline, half_field_rad))[:count]
+        finished = [keep_sides(points, model, _improve_hinges(points, model, alignment)) for alignment in finished]
+    return sorted(finished, key=lambda alignment: measure_misfit_m(alignment, model, points, outline, half_field_rad))[
+        :count
+    ]
 
 
-def align_again(points_m: np.ndarray, model: SampledMesh, found: Alignment, steps: int | None = None) -> Alignment:
+def align_again(points_m: np.ndarray, model: SampledMesh, alignment: Alignment, steps: int | None = None) -> Alignment:
     """Align points with a model from a pose and hinge angles that were found before.
 
     Parameters
@@ -86,23 +90,25 @@ def align_again(points_m: np.ndarray, model: SampledMesh, found: Alignment, step
     points_m : points (n, 3) in lidar axes [m]
     steps : greatest number of steps; None for the default of `align`
     """
-    posed = model.turn_hinges(found.hinge_angles_rad)
-    return align(points_m, posed, found.pose) if steps is None else align(points_m, posed, found.pose, steps)
+    posed = model.turn_hinges(alignment.hinge_angles_rad)
+    return align(points_m, posed, alignment.pose) if steps is None else align(points_m, posed, alignment.pose, steps)
 
 
-def _improve_hinges(points_m: np.ndarray, model: SampledMesh, found: Alignment, steps: int | None = None) -> Alignment:
+def _improve_hinges(
+    points_m: np.ndarray, model: SampledMesh, alignment: Alignment, steps: int | None = None
+) -> Alignment:
     """Return an alignment at better hinge angles where there are any.
 
     Parameters
     ----------
-    points_m, model, found, steps : as in `align_again`
+    points_m, model, alignment, steps : as in `align_again`
     """
-    other, gain = search_hinges(points_m, model, found)
-    return align_again(points_m, model, other, steps) if gain > LIKELIER else found
+    other, gain = search_hinges(points_m, model, alignment)
+    return align_again(points_m, model, other, steps) if gain > LIKELIER else alignment
 
 
 def measure_misfit_m(
-    found: Alignment, model: SampledMesh, points_m: np.ndarray, outline: Any, half_field_rad: HalfField
+    alignment: Alignment, model: SampledMesh, points_m: np.ndarray, outline: Any, half_field_rad: HalfField
 ) -> float:
     """Measure the misfit of an alignment [m], with the hinges at its angles.
 
@@ -110,11 +116,11 @@ def measure_misfit_m(
     ----------
     model, points_m, outline, half_field_rad : as in `misfit_m`
     """
-    posed = model.turn_hinges(found.hinge_angles_rad)
-    return misfit_m(found.pose, posed, points_m, outline, half_field_rad)
+    posed = model.turn_hinges(alignment.hinge_angles_rad)
+    return misfit_m(alignment.pose, posed, points_m, outline, half_field_rad)
 
 
-def search_hinges(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> tuple[Alignment, float]:
+def search_hinges(points_m: np.ndarray, model: SampledMesh, alignment: Alignment) -> tuple[Alignment, float]:
     """Search the angles of the hinges of a mesh, one after the other, for better ones.
 
     For each hinge, angles over the whole circle are compared by the distances of points from the planes of their facets,
@@ -132,22 +138,24 @@ def search_hinges(points_m: np.ndarray, model: SampledMesh, found: Alignment) ->
     """
     points = np.asarray(points_m, dtype=float)
     some = points[:: max(1, len(points) // _TURN_POINTS)]
-    best = found
+    best = alignment
     for number, hinge in enumerate(model.hinges):
         posed = model.turn_hinges(best.hinge_angles_rad)
         squares = _measure_hinge_m2(best.pose.inv().apply(some), posed, number)
         angle_rad = posed.hinge_angles_rad[number] + int(np.argmin(squares)) * (2.0 * np.pi / _HINGE_ANGLES)
         if np.argmin(squares) > 0:
             other = align(some, posed.turn_hinges({hinge.name: angle_rad}), best.pose, _COARSE_STEPS)
-            before_m2, after_m2 = (_measure_alignment_m2(some, model, one) for one in (best, other))
+            before_m2, after_m2 = (_measure_alignment_m2(some, model, candidate) for candidate in (best, other))
             if before_m2 > _SAME_FIT * after_m2 and _compare(len(some), before_m2, after_m2) > LIKELIER:
                 best = other
-    if best is found:
+    if best is alignment:
         return best, 0.0
-    return best, _compare(len(points), *(_measure_alignment_m2(points, model, one) for one in (found, best)))
+    return best, _compare(
+        len(points), *(_measure_alignment_m2(points, model, candidate) for candidate in (alignment, best))
+    )
 
 
-def keep_sides(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> Alignment:
+def keep_sides(points_m: np.ndarray, model: SampledMesh, alignment: Alignment) -> Alignment:
     """Turn each hinge by half a turn where that is nearer to the model's angle and the points do not tell the two apart.
 
     Parameters
@@ -159,15 +167,17 @@ def keep_sides(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> Al
     the alignment, with its hinges within a quarter of a turn of the model's where the points allow it
     """
     for hinge, near_rad in zip(model.hinges, model.hinge_angles_rad, strict=True):
-        angle_rad = found.hinge_angles_rad[hinge.name]
+        angle_rad = alignment.hinge_angles_rad[hinge.name]
         half_turns = int(np.round((angle_rad - near_rad) / np.pi))
         if half_turns:
-            angles_rad = {**found.hinge_angles_rad, hinge.name: angle_rad - half_turns * np.pi}
-            other = align(points_m, model.turn_hinges(angles_rad), found.pose)
-            before_m2, after_m2 = (_measure_alignment_m2(points_m, model, one) for one in (found, other))
+            angles_rad = {**alignment.hinge_angles_rad, hinge.name: angle_rad - half_turns * np.pi}
+            other = align(points_m, model.turn_hinges(angles_rad), alignment.pose)
+            before_m2, after_m2 = (
+                _measure_alignment_m2(points_m, model, candidate) for candidate in (alignment, other)
+            )
             if half_turns % 2 == 0 or after_m2 < _SAME_FIT * before_m2:
-                found = other
-    return found
+                alignment = other
+    return alignment
 
 
 def _measure_hinge_m2(seen_m: np.ndarray, model: SampledMesh, hinge: int) -> np.ndarray:
@@ -184,7 +194,7 @@ def _measure_hinge_m2(seen_m: np.ndarray, model: SampledMesh, hinge: int) -> np.
         here, there = _measure_part(seen_m, model, part)
         apart, off = np.minimum(apart, here), np.where(here < apart, there, off)
     clouds = np.concatenate([model.hinges[hinge].turn(seen_m, -angle) for angle in steps])
-    here, there = (one.reshape(_HINGE_ANGLES, -1) for one in _measure_part(clouds, model, hinge))
+    here, there = (distances_m.reshape(_HINGE_ANGLES, -1) for distances_m in _measure_part(clouds, model, hinge))
     limited = np.minimum(np.abs(np.where(here < apart, there, off)), _FAR * model.radius_m)
     squares: np.ndarray = np.mean(limited**2, axis=1)
     return squares
@@ -216,19 +226,19 @@ def _compare(count: int, first_m2: float, other_m2: float) -> float:
     return 0.5 * count * (first_m2 / other_m2 - 1.0)
 
 
-def _measure_alignment_m2(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> float:
+def _measure_alignment_m2(points_m: np.ndarray, model: SampledMesh, alignment: Alignment) -> float:
     """Measure the mean square distance [m2] of points from planes at an alignment, each limited.
 
     Parameters
     ----------
     points_m : points (n, 3) in lidar axes [m]
     """
-    posed = model.turn_hinges(found.hinge_angles_rad)
-    return float(_measure_planes_m2(found.pose.inv().apply(points_m)[None], posed)[0])
+    posed = model.turn_hinges(alignment.hinge_angles_rad)
+    return float(_measure_planes_m2(alignment.pose.inv().apply(points_m)[None], posed)[0])
 
 
 def search_turns(
-    points_m: np.ndarray, model: SampledMesh, found: Alignment, half_field_rad: HalfField = np.inf
+    points_m: np.ndarray, model: SampledMesh, alignment: Alignment, half_field_rad: HalfField = np.inf
 ) -> tuple[Alignment, float]:
     """Search the turns of a pose about the principal axes of the model for the best other one.
 
@@ -247,28 +257,30 @@ def search_turns(
     put the model outside the outline of the points
     """
     points = np.asarray(points_m, dtype=float)
-    model = model.turn_hinges(found.hinge_angles_rad)
+    model = model.turn_hinges(alignment.hinge_angles_rad)
     some = points[:: max(1, len(points) // _TURN_POINTS)]
     steps = [(axis, step) for axis in range(3) for step in range(1, _TURNS)]
     turns = [make_rotation(step * (2.0 * np.pi / _TURNS) * model.principal_axes[axis]) for axis, step in steps]
-    seen, middle = found.pose.inv().apply(some), model.middle_m
+    seen, middle = alignment.pose.inv().apply(some), model.middle_m
     squares = _measure_planes_m2(np.array([turn.apply(seen - middle) + middle for turn in turns]), model)
     chosen: list[int] = []
     for number in np.argsort(squares).tolist():
-        beside = {(steps[one][0], steps[one][1] + off) for one in chosen for off in (-1, 1)}
+        beside = {(steps[k][0], steps[k][1] + off) for k in chosen for off in (-1, 1)}
         if len(chosen) < _TURNS_TRIED and steps[number] not in beside:
             chosen.append(number)
     tried = []
     for number in chosen:
         turn = turns[number]  # body_from_lidar becomes turn * body_from_lidar, about the middle of the model
-        start = pose(middle - turn.apply(middle), turn) * found.pose.inv()
+        start = pose(middle - turn.apply(middle), turn) * alignment.pose.inv()
         aligned = align(some, model, start.inv(), _COARSE_STEPS)
         tried.append(_improve_hinges(some, model, aligned, _COARSE_STEPS))
-    first, *others = (_measure_alignment_m2(points, model, one) for one in (found, *tried))
+    first, *others = (_measure_alignment_m2(points, model, candidate) for candidate in (alignment, *tried))
     best = int(np.argmin(others))
     gain, outline = _compare(len(points), first, others[best]), find_outline(points)
     other = tried[best]
-    before_m, after_m = (measure_misfit_m(one, model, points, outline, half_field_rad) for one in (found, other))
+    before_m, after_m = (
+        measure_misfit_m(candidate, model, points, outline, half_field_rad) for candidate in (alignment, other)
+    )
     return other, -np.inf if after_m > _UNLIKELY * before_m else gain
 
 
@@ -299,15 +311,15 @@ def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> l
     """
     chosen: list[Alignment] = []
     for by_axis in (True, False):
-        for found in ranked:
+        for alignment in ranked:
             if len(chosen) < count and all(
-                _angle_between_rad(found, other, model, by_axis) > _UNLIKE_RAD for other in chosen
+                _angle_between_rad(alignment, other, model, by_axis) > _UNLIKE_RAD for other in chosen
             ):
-                chosen.append(found)
+                chosen.append(alignment)
     return chosen
 
 
-def _angle_between_rad(one: Alignment, other: Alignment, model: SampledMesh, by_axis: bool) -> float:
+def _angle_between_rad(first: Alignment, second: Alignment, model: SampledMesh, by_axis: bool) -> float:
     """Compute the angle between two poses [rad].
 
     Parameters
@@ -319,6 +331,6 @@ def _angle_between_rad(one: Alignment, other: Alignment, model: SampledMesh, by_
     angle from 0 to pi [rad]
     """
     if by_axis:
-        a, b = (found.pose.rotation.apply(model.long_axis) for found in (one, other))
+        a, b = (alignment.pose.rotation.apply(model.long_axis) for alignment in (first, second))
         return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
-    return float((one.pose.rotation.inv() * other.pose.rotation).magnitude())
+    return float((first.pose.rotation.inv() * second.pose.rotation).magnitude())

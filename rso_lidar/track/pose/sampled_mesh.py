@@ -163,8 +163,8 @@ class SampledMesh:
         distances (n) [m] and numbers (n) of the nearest points
         """
         if not self.hinges:
-            found: tuple[np.ndarray, np.ndarray] = self.tree.query(points_m)
-            return found
+            neighbours: tuple[np.ndarray, np.ndarray] = self.tree.query(points_m)
+            return neighbours
         angles = self.hinge_angles_rad if angles_rad is None else angles_rad
         apart, nearest = self.find_nearest_on_part(points_m, -1)
         for hinge, angle_rad in enumerate(angles):
@@ -288,7 +288,7 @@ def spread_rotations(count: int) -> list[Rotation]:
     alpha, beta = 2.0 * np.pi * s / np.sqrt(2.0), 2.0 * np.pi * s / 1.533751168755204288118041413
     near, far = np.sqrt(t), np.sqrt(1.0 - t)
     quaternions = np.stack([near * np.sin(alpha), near * np.cos(alpha), far * np.sin(beta), far * np.cos(beta)], axis=1)
-    return [Rotation.from_quat(one) for one in quaternions]
+    return [Rotation.from_quat(quaternion) for quaternion in quaternions]
 
 
 def measure_visible_centroid(model: SampledMesh, directions: int = 60, cells: int = 32) -> tuple[float, float, float]:
