@@ -119,9 +119,8 @@ def budget(
         facet_m2=facet_m2,
     )
     if settings and camera in load_presets():
-        link_budget = replace(
-            link_budget, camera=f"{camera} with {', '.join(settings)}"
-        )  # it is not the camera of that name
+        changed = f"{camera} with {', '.join(settings)}"  # it is not the camera of that name
+        link_budget = replace(link_budget, camera=changed)
     if output is not None:
         link_budget.save(output, overwrite=overwrite, scheme=scheme)
     echo(link_budget.table())

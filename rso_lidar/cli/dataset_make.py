@@ -80,9 +80,8 @@ def make(
     for name in new_dataset.splits:
         split = new_dataset.split(name)
         echo(f"{name:6} {len(split):9,} frames, shards: {len(split.records):,}")
-    if (
-        sum(record.samples for record in new_dataset.records) == new_dataset.spec.n_samples
-    ):  # complete, not only some shards
+    n_made = sum(record.samples for record in new_dataset.records)
+    if n_made == new_dataset.spec.n_samples:  # complete, not only some shards
         for line in dataset.publish(output):
             echo(line)
     echo(str(output))

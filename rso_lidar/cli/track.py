@@ -70,8 +70,8 @@ def summarise(quality: Tracking, *, icp: bool = True) -> list[str]:
     table = quality.table
     seen, most = int(np.sum(table["points"] > 0)), int(table["points"].max())
     lines = [
-        f"{quality.target}: {seen:,} of {table['time_s'].size:,} frames with a fix; range noise {quality.range_noise_m:.3g} m, "
-        f"process noise {quality.acceleration_m_s2_sqrt_hz:g} m/s2/sqrt(Hz)",
+        f"{quality.target}: {seen:,} of {table['time_s'].size:,} frames with a fix; "
+        f"range noise {quality.range_noise_m:.3g} m, process noise {quality.acceleration_m_s2_sqrt_hz:g} m/s2/sqrt(Hz)",
         f"{'':<20}{'rms error [m], of that bias / spread':>60}",
         f"{'':<20}" + "".join(f"{axis:>27}" for axis in quality.AXES),
     ]

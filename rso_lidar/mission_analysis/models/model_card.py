@@ -178,9 +178,8 @@ def _view_width_m(surface: Surface, toward: _Direction, up: _Direction) -> float
 def _list_finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[tuple[float, float, float], ...]]:
     """Return names and colours of the surface's materials."""
     if target.is_path:
-        return tuple(str(getattr(material, "type", "own")) for material in surface.materials), (_GREY,) * len(
-            surface.materials
-        )
+        types = tuple(str(getattr(material, "type", "own")) for material in surface.materials)
+        return types, (_GREY,) * len(types)
     named = model(target.shape).parts
     words = tuple(named.get(part, "") for part in surface.mesh.part_names)
     table = load_materials()
