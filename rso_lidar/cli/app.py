@@ -72,19 +72,19 @@ class _Commands(TyperGroup):
 def load_command(name: str) -> Callable[..., None] | typer.Typer:
     """Return the function of a command, or the application of a group of commands."""
     module = importlib.import_module(f"rso_lidar.cli.{name}")
-    found: Callable[..., None] | typer.Typer = module.app if name in GROUPS else getattr(module, name)
-    return found
+    command: Callable[..., None] | typer.Typer = module.app if name in GROUPS else getattr(module, name)
+    return command
 
 
 def _build_command(name: str) -> Any:
     """Build a command as typer's own copy of click represents it."""
-    found = load_command(name)
-    if not isinstance(found, typer.Typer):
-        found, function = typer.Typer(rich_markup_mode=None, add_completion=False), found
-        found.command(name)(function)
-    made = typer.main.get_command(found)
-    made.name = name
-    return made
+    typer_app = load_command(name)
+    if not isinstance(typer_app, typer.Typer):
+        typer_app, function = typer.Typer(rich_markup_mode=None, add_completion=False), typer_app
+        typer_app.command(name)(function)
+    click_command = typer.main.get_command(typer_app)
+    click_command.name = name
+    return click_command
 
 
 app = typer.Typer(

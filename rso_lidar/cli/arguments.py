@@ -75,18 +75,18 @@ def name_options(*arguments: str) -> Iterator[None]:
 
 def parse_length_m(option: str, text: str) -> float:
     """Parse a length with its unit, such as ``50km``, and return it in metres."""
-    found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([A-Za-z]*)\s*", text)
+    match = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([A-Za-z]*)\s*", text)
     try:
-        number = float(found[1]) if found else float("nan")
+        number = float(match[1]) if match else float("nan")
     except ValueError:
         number = float("nan")
-    if not found or not np.isfinite(number):
+    if not match or not np.isfinite(number):
         raise ScenarioError(f"{option} {text}: is not a length; write for example 50km or 500m")
-    if not found[2]:
+    if not match[2]:
         raise ScenarioError(f"{option} {text}: has no unit; write {text.strip()}km or {text.strip()}m")
-    if found[2] not in _LENGTHS_M:
-        raise ScenarioError(f"{option} {text}: unknown unit '{found[2]}' (known: {', '.join(_LENGTHS_M)})")
-    return number * _LENGTHS_M[found[2]]
+    if match[2] not in _LENGTHS_M:
+        raise ScenarioError(f"{option} {text}: unknown unit '{match[2]}' (known: {', '.join(_LENGTHS_M)})")
+    return number * _LENGTHS_M[match[2]]
 
 
 def parse_instant(option: str, text: str) -> datetime.datetime:

@@ -108,7 +108,7 @@ def budget(
             scheme=scheme,
         )
         return
-    made = worked_out(
+    link_budget = worked_out(
         loaded,
         range_m=None if range_ is None else _parse_range_m(range_),
         materials=material or None,
@@ -119,10 +119,11 @@ def budget(
         facet_m2=facet_m2,
     )
     if settings and camera in load_presets():
-        made = replace(made, camera=f"{camera} with {', '.join(settings)}")  # it is not the camera of that name
+        changed = f"{camera} with {', '.join(settings)}"  # it is not the camera of that name
+        link_budget = replace(link_budget, camera=changed)
     if output is not None:
-        made.save(output, overwrite=overwrite, scheme=scheme)
-    echo(made.table())
+        link_budget.save(output, overwrite=overwrite, scheme=scheme)
+    echo(link_budget.table())
     if output is not None:
         echo(f"{output}")
 
@@ -164,10 +165,10 @@ def _find(
         if not (attitudes.isascii() and attitudes.isdigit()) or not 1 <= int(attitudes) <= 100_000:
             raise ScenarioError(f"--attitudes {attitudes}: is not a number of attitudes; give 1 to 100000, or run")
         chosen["attitudes"] = int(attitudes)
-    made = find_range(camera, body, finding=finding, **chosen)
-    echo(made.table())
+    found_range = find_range(camera, body, finding=finding, **chosen)
+    echo(found_range.table())
     if output is not None:
-        made.save(output, scheme)
+        found_range.save(output, scheme)
         echo(f"{output}")
 
 

@@ -111,12 +111,12 @@ def compute_heights_km(entry: ElementSet) -> tuple[float, float]:
 
 def _parse_numbers(words: Sequence[str]) -> list[int]:
     """Parse the catalogue numbers of an option."""
-    found = []
+    numbers = []
     for word in (word for option in words for word in option.replace(",", " ").split() or [option]):
         if not (word.isascii() and word.isdigit() and 0 < len(word) <= 9):
             raise ScenarioError(f"--id {word}: is not a catalogue number; give up to nine digits, such as 25544")
-        found.append(int(word))
-    return found
+        numbers.append(int(word))
+    return numbers
 
 
 def _check_known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:

@@ -48,8 +48,8 @@ def conjunction(
         output = check_writable(output, (".toml",), overwrite=overwrite)
     camera, _ = load_lidar(lidar)
     radius_m = None if radius is None else parse_length_m("--radius", radius)
-    found = assess_conjunction(file, radius_m, samples=samples, seed=seed, window_s=window)
-    text = None if output is None else conjunction_scenario_text(found, follower, lidar=camera, seed=seed)
-    echo(found.text())
+    assessment = assess_conjunction(file, radius_m, samples=samples, seed=seed, window_s=window)
+    text = None if output is None else conjunction_scenario_text(assessment, follower, lidar=camera, seed=seed)
+    echo(assessment.text())
     if text is not None and output is not None:
         echo(f"{write_text(output, text, overwrite=overwrite)}")

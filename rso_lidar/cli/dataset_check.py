@@ -35,7 +35,7 @@ def check(
         if not path.is_dir():
             echo(check_spec(path, trust_code=trust_code, trust_fmu=trust_fmu).describe())
             return
-        found = check_folder(path, samples=samples, files=files, seed=seed, trust_code=trust_code, trust_fmu=trust_fmu)
-    echo(found.describe())
-    if found.problems:
+        report = check_folder(path, samples=samples, files=files, seed=seed, trust_code=trust_code, trust_fmu=trust_fmu)
+    echo(report.describe())
+    if report.problems:
         raise typer.Exit(1)

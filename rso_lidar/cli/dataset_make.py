@@ -66,7 +66,7 @@ def make(
             else:
                 bars[0].advance()
 
-        made = dataset.make(
+        new_dataset = dataset.make(
             spec,
             output,
             workers=workers,
@@ -77,10 +77,11 @@ def make(
             trust_code=trust_code,
             trust_fmu=trust_fmu,
         )
-    for name in made.splits:
-        split = made.split(name)
+    for name in new_dataset.splits:
+        split = new_dataset.split(name)
         echo(f"{name:6} {len(split):9,} frames, shards: {len(split.records):,}")
-    if sum(record.samples for record in made.records) == made.spec.n_samples:  # complete, not only some shards
+    n_made = sum(record.samples for record in new_dataset.records)
+    if n_made == new_dataset.spec.n_samples:  # complete, not only some shards
         for line in dataset.publish(output):
             echo(line)
     echo(str(output))

@@ -87,13 +87,13 @@ def disperse(
             if by is not None:
                 client = stack.enter_context(open_dask_client(by, workers or os.cpu_count() or 1))
                 how = {"executor": client.get_executor()}
-            made = disperse_mission(scenario, runs, target=target, working=working, on_runs=step, **how)
-    made.save(output, scheme)
+            dispersed_mission = disperse_mission(scenario, runs, target=target, working=working, on_runs=step, **how)
+    dispersed_mission.save(output, scheme)
     if tubes is not None:
-        made.save_tubes(tubes)
-    if made.kept is not None:
-        made.kept.unlink(missing_ok=True)
-    for line in made.describe().splitlines():
+        dispersed_mission.save_tubes(tubes)
+    if dispersed_mission.kept is not None:
+        dispersed_mission.kept.unlink(missing_ok=True)
+    for line in dispersed_mission.describe().splitlines():
         echo(line)
     for place in (output, *([tubes] if tubes is not None else [])):
         echo(f"{place}")

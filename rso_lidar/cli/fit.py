@@ -82,7 +82,7 @@ def fit(
     with export.open(recording) as read:
         some = export.Frames(read, select_frames(read, frames))
         if own_only:
-            made = fit_own_orbit(
+            own_fit = fit_own_orbit(
                 some,
                 epoch_s=epoch_s,
                 forces=forces,
@@ -90,9 +90,9 @@ def fit(
                 gate=gate,
                 folder=recording.parent,
             )
-            lines, fits = made.describe().splitlines(), [made.statistics]
+            lines, fits = own_fit.describe().splitlines(), [own_fit.statistics]
         else:
-            found = fit_relative_orbit(
+            navigation = fit_relative_orbit(
                 some,
                 target,
                 epoch_s=epoch_s,
@@ -107,9 +107,11 @@ def fit(
                 folder=recording.parent,
                 each=count_frames(some, "fitting"),
             )
-            fits = [one.statistics for one in (found.own, found.fit) if one is not None]
-            truth = find_true_relative_state(some, found.target, found.fit.epoch_s)
-            lines = found.describe().splitlines() + ([] if truth is None else found.fit.describe_error(*truth))
+            fits = [estimate.statistics for estimate in (navigation.own, navigation.fit) if estimate is not None]
+            truth = find_true_relative_state(some, navigation.target, navigation.fit.epoch_s)
+            lines = navigation.describe().splitlines() + (
+                [] if truth is None else navigation.fit.describe_error(*truth)
+            )
     for line in lines:
         echo(line)
     for used in fits:

@@ -67,8 +67,8 @@ def _check_place(name: str) -> Path:
 def _list_examples(known: dict[str, Example]) -> Iterator[str]:
     """Yield a line per example: its name, and the first sentence of the comment at the top of the file."""
     width = max(map(len, known))
-    for name, one in known.items():
-        yield f"{name:<{width}}  {one.summary}"
+    for name, example in known.items():
+        yield f"{name:<{width}}  {example.summary}"
     yield f"\nwrite one to edit: rso-lidar new NAME --from EXAMPLE ({_DEFAULT} if left out)"
 
 

@@ -36,11 +36,13 @@ def parameters(
         output = check_writable(output, ParameterTable.SUFFIXES, overwrite=overwrite)
     if requirements is not None and (output is None or output.suffix.lower() != ".sysml"):
         raise ScenarioError("--requirements: goes with -o FILE.sysml; `rso-lidar requirements` verifies them")
-    made = list_parameters(Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu))
+    table = list_parameters(Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu))
     if output is None:
-        echo(made.table())
+        echo(table.table())
         return
-    more = [] if requirements is None else write_requirements(Requirements.load(requirements), made)
-    made.save(output, overwrite=overwrite, more=more)
-    echo(f"{len(made.parameters)} parameters, {sum(one.is_derived for one in made.parameters)} of them derived")
+    more = [] if requirements is None else write_requirements(Requirements.load(requirements), table)
+    table.save(output, overwrite=overwrite, more=more)
+    echo(
+        f"{len(table.parameters)} parameters, {sum(parameter.is_derived for parameter in table.parameters)} of them derived"
+    )
     echo(output)

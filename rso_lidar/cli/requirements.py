@@ -43,13 +43,13 @@ def requirements(
     """
     places = [check_writable(place, VerificationMatrix.SUFFIXES, overwrite=overwrite) for place in output or ()]
     asked = Requirements.load(file)
-    made = _verify(asked, subject, tuple(settings or ()), workers, trust_code=trust_code, trust_fmu=trust_fmu)
+    matrix = _verify(asked, subject, tuple(settings or ()), workers, trust_code=trust_code, trust_fmu=trust_fmu)
     for place in places:
-        made.save(place, overwrite=overwrite)
-    echo(made.table())
+        matrix.save(place, overwrite=overwrite)
+    echo(matrix.table())
     for place in places:
         echo(place)
-    if not made.is_met:
+    if not matrix.is_met:
         raise typer.Exit(1)
 
 

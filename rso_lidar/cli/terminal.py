@@ -23,7 +23,7 @@ def escape_controls(text: str) -> str:
     >>> escape_controls("a\x1b[31mred")
     'a\\x1b[31mred'
     """
-    return _CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return _CONTROLS.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def to_one_line(text: str) -> str:
@@ -75,14 +75,14 @@ def outlive_readers() -> None:
             continue
         is_direct = raw is stream.buffer  # python -u
         output: Any = _Output(raw.fileno(), "w", closefd=False)
-        made = io.TextIOWrapper(
+        wrapper = io.TextIOWrapper(
             output if is_direct else io.BufferedWriter(output),
             stream.encoding,
             stream.errors,
             line_buffering=stream.line_buffering,
             write_through=is_direct,
         )
-        setattr(sys, name, made)
+        setattr(sys, name, wrapper)
 
 
 def has_reader() -> bool:

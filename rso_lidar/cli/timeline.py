@@ -44,12 +44,15 @@ def timeline(
     output = check_writable(output or Path(f"{file.stem}_timeline.png"), RESULT_SUFFIXES, overwrite=overwrite)
     scheme = choose_scheme(dark, [output])
     scenario = Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
-    made = timeline_of(scenario, target, every_s=every_s)
-    made.save(output, scheme)
+    history = timeline_of(scenario, target, every_s=every_s)
+    history.save(output, scheme)
     mirrored = any(
-        one.is_retro for surface in scenario.surfaces if surface.body == made.target for one in surface.materials
+        material.is_retro
+        for surface in scenario.surfaces
+        if surface.body == history.target
+        for material in surface.materials
     )
-    for line in _summarise(made, mirrored, scenario.finding.describe()):
+    for line in _summarise(history, mirrored, scenario.finding.describe()):
         echo(line)
     echo(f"{output}")
 
@@ -57,19 +60,19 @@ def timeline(
 _LIKELY = 0.9  # probability of detection from which a frame counts in the summary
 
 
-def _summarise(made: Timeline, mirrored: bool, finding: str) -> list[str]:
+def _summarise(history: Timeline, mirrored: bool, finding: str) -> list[str]:
     """Summarise the encounter in a few lines.
 
     Parameters
     ----------
     mirrored : whether the target has retro-reflectors
     """
-    table = made.table
+    table = history.table
     time_s, range_m = table["time_s"], table["range_m"]
     nearest = find_first_least(range_m)
     lines = [
-        f"{made.target}: {time_s.size:,} frames, {range_m[0]:,.1f} -> {range_m[-1]:,.1f} m, least {range_m[nearest]:,.1f} m "
-        f"at {time_s[nearest]:g} s",
+        f"{history.target}: {time_s.size:,} frames, {range_m[0]:,.1f} -> {range_m[-1]:,.1f} m, "
+        f"least {range_m[nearest]:,.1f} m at {time_s[nearest]:g} s",
         f"in the field  wholly {np.mean(table['in_field_fraction'] >= 0.999):.0%} of the frames, "
         f"in part {np.mean(table['in_field_fraction'] > 0.0):.0%}",
     ]
@@ -93,11 +96,11 @@ def _summarise(made: Timeline, mirrored: bool, finding: str) -> list[str]:
         lines.append(f"detection     of the brightest pixel, with a probability of {_LIKELY:g} or more: {frames}")
     elif not likely.any():
         lines.append(f"detection     the brightest pixel never reaches a probability of {_LIKELY:g}")
-    found = table["found_probability"] >= _LIKELY
-    where = f", at {_format_span(range_m[found], ',.1f')} m" if found.any() and not found.all() else ""
+    is_found = table["found_probability"] >= _LIKELY
+    where = f", at {_format_span(range_m[is_found], ',.1f')} m" if is_found.any() and not is_found.all() else ""
     lines.append(
-        f"found         the whole target ({finding}): with a probability of {_LIKELY:g} or more at {np.mean(found):.0%} of "
-        f"the frames{where}"
+        f"found         the whole target ({finding}): with a probability of {_LIKELY:g} or more at "
+        f"{np.mean(is_found):.0%} of the frames{where}"
     )
     return lines
 

@@ -48,7 +48,7 @@ def track(
         raise RecordingError(f"--acceleration {acceleration:g}: needs a number from 0")
     with export.open(recording) as read:
         some = export.Frames(read, select_frames(read, frames))
-        made = tracking(
+        quality = tracking(
             some,
             target,
             folder=recording.parent,
@@ -58,36 +58,39 @@ def track(
             poses=icp,
             each=count_frames(some, "tracking"),
         )
-    for line in summarise(made, icp=icp):
+    for line in summarise(quality, icp=icp):
         echo(line)
     if output is not None:
-        made.save(output, scheme)
+        quality.save(output, scheme)
         echo(f"{output}")
 
 
-def summarise(made: Tracking, *, icp: bool = True) -> list[str]:
+def summarise(quality: Tracking, *, icp: bool = True) -> list[str]:
     """Format the table of errors: rms, bias and spread along right, down and ahead; NIS; ICP if it ran."""
-    table = made.table
+    table = quality.table
     seen, most = int(np.sum(table["points"] > 0)), int(table["points"].max())
     lines = [
-        f"{made.target}: {seen:,} of {table['time_s'].size:,} frames with a fix; range noise {made.range_noise_m:.3g} m, "
-        f"process noise {made.acceleration_m_s2_sqrt_hz:g} m/s2/sqrt(Hz)",
+        f"{quality.target}: {seen:,} of {table['time_s'].size:,} frames with a fix; "
+        f"range noise {quality.range_noise_m:.3g} m, process noise {quality.acceleration_m_s2_sqrt_hz:g} m/s2/sqrt(Hz)",
         f"{'':<20}{'rms error [m], of that bias / spread':>60}",
-        f"{'':<20}" + "".join(f"{axis:>27}" for axis in made.AXES),
+        f"{'':<20}" + "".join(f"{axis:>27}" for axis in quality.AXES),
     ]
-    for name, word in {"centroid": "centroid", **{kind: made.FILTERS[kind] for kind in made.tracks}}.items():
+    for name, word in {
+        "centroid": "centroid",
+        **{kind: quality.FILTERS[kind] for kind in quality.tracks},
+    }.items():
         lines.append(
-            f"{word:<20}" + "".join(f"{_format_rms(table[f'{name}_error_{axis}_m']):>27}" for axis in made.AXES)
+            f"{word:<20}" + "".join(f"{_format_rms(table[f'{name}_error_{axis}_m']):>27}" for axis in quality.AXES)
         )
-    for kind, track in made.tracks.items():
+    for kind, track in quality.tracks.items():
         count = int(np.isfinite(track.nis).sum())
         if not count:
-            lines.append(f"{made.FILTERS[kind]:<20}no NIS: it takes two fixes")
+            lines.append(f"{quality.FILTERS[kind]:<20}no NIS: it takes two fixes")
             continue
-        speed = np.linalg.norm([table[f"{kind}_velocity_error_{axis}_m_s"] for axis in made.AXES], axis=0)
+        speed = np.linalg.norm([table[f"{kind}_velocity_error_{axis}_m_s"] for axis in quality.AXES], axis=0)
         low, high = nis_bounds(count)
         lines.append(
-            f"{made.FILTERS[kind]:<20}NIS mean {track.nis_mean:.2f} (95 % bounds {low:.2f} to {high:.2f}), "
+            f"{quality.FILTERS[kind]:<20}NIS mean {track.nis_mean:.2f} (95 % bounds {low:.2f} to {high:.2f}), "
             f"{track.nis_share:.0%} inside its bounds; velocity, median error {np.nanmedian(speed):.3g} m/s"
         )
         verdict = describe_consistency(track.nis_mean, count)
@@ -100,7 +103,7 @@ def summarise(made: Tracking, *, icp: bool = True) -> list[str]:
             f"{'icp':<20}{known.sum():,} poses; turn {_format_ranks(turn / units.DEG, '.2f')} deg, of the long axis "
             f"{_format_ranks(axis / units.DEG, '.2f')} deg, place {_format_ranks(place, '.3f')} m (median, 90 %)"
         )
-        lines += [_describe_hinge(name, table) for name in made.hinges]
+        lines += [_describe_hinge(name, table) for name in quality.hinges]
     elif icp:
         lines.append(
             f"{'icp':<20}no pose: it takes {FEWEST_POSE_POINTS} points of a frame, and no frame had over {most:,}"

@@ -82,11 +82,11 @@ def trade(
         if run.n_done:
             echo(f"continuing after {run.n_done:,} of {run.n_rows:,} runs")
         with announce_compiling(), show_progress(run.n_rows, run.n_done, "trading", of="run") as bar:
-            made = run.finish(lambda *_: bar.advance())
-        _write(made, places, choose_scheme(dark))
+            finished_trade = run.finish(lambda *_: bar.advance())
+        _write(finished_trade, places, choose_scheme(dark))
         set_advice(lambda: to_one_line(f"the outputs {', '.join(map(str, places))} are written"))
         kept.unlink(missing_ok=True)
-    echo(made.describe())
+    echo(finished_trade.describe())
     for place in places:
         echo(f"{place}")
 
@@ -121,8 +121,8 @@ def _make_folder(folder: Path) -> None:
         raise RecordingError(f"{folder}: no folder can be made there ({error.strerror}); choose another") from None
 
 
-def _write(made: Trade, places: list[Path], scheme: Scheme) -> None:
+def _write(finished_trade: Trade, places: list[Path], scheme: Scheme) -> None:
     """Write all outputs under temporary names, and rename them when the last is complete."""
     with ExitStack() as drafts:
         for place in places:
-            made.save(drafts.enter_context(write_atomically(place)), scheme)
+            finished_trade.save(drafts.enter_context(write_atomically(place)), scheme)

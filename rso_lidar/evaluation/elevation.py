@@ -103,7 +103,7 @@ def build_elevation_map(
     n = round(size_m / cell_m)
     if n < 1:
         raise ValueError(f"build_elevation_map: no cell of {cell_m:g} m in {size_m:g} m; make cell_m smaller")
-    found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     for frame in frames:
         pose = frame.truth.poses.place(site, "lidar")
         place, turn = navigated(frame, pose) if navigated else pose
@@ -114,10 +114,10 @@ def build_elevation_map(
         inside = (col >= 0) & (col < n) & (row >= 0) & (row < n)
         cell = (row[inside] * n + col[inside]).astype(np.int64)
         weight = 1.0 / np.sum(points[inside] ** 2, axis=1)
-        found.append((cell, z[inside] + place[2], weight))
-    if not found:
+        samples.append((cell, z[inside] + place[2], weight))
+    if not samples:
         return ElevationMap(cell_m, np.full((n, n), np.nan), np.zeros((n, n), np.int32))
-    cell, height, weight = (np.concatenate(column) for column in zip(*found, strict=True))
+    cell, height, weight = (np.concatenate(column) for column in zip(*samples, strict=True))
     kept = _reject_outliers(cell, height, n, max(1, round(_COARSE_M / cell_m)))
     cell, height, weight = cell[kept], height[kept], weight[kept]
     total = np.bincount(cell, weight, n * n)

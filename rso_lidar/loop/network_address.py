@@ -47,10 +47,10 @@ def parse_address(text: str, where: str) -> NetworkAddress:
     >>> parse_address("localhost:8765", "--live-at").text
     '127.0.0.1:8765'
     """
-    found = re.fullmatch(r"\[([^\]]+)\]:(\d+)|([^:\s]+):(\d+)", text.strip())
-    if not found:
+    match = re.fullmatch(r"\[([^\]]+)\]:(\d+)|([^:\s]+):(\d+)", text.strip())
+    if not match:
         raise ScenarioError(f"{where} {text:.80}: is not HOST:PORT; write for example 127.0.0.1:8765")
-    host, port = found[1] or found[3], int(found[2] or found[4])
+    host, port = match[1] or match[3], int(match[2] or match[4])
     if port > 65535:
         raise ScenarioError(f"{where} {text:.80}: no port is above 65535; write for example 127.0.0.1:8765")
     try:

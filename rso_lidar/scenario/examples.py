@@ -57,12 +57,12 @@ class Example:
     @property
     def companions(self) -> list[Path]:
         """Files beside it that its text names: tables, and Python files with dynamics."""
-        found: dict[Path, None] = {}
+        files: dict[Path, None] = {}
         for value in iterate_texts(tomllib.loads(self.text)):
             for word in (value, value.rpartition(":")[0]):
                 if word and Path(word).name == word and (self.path.parent / word).is_file():
-                    found[self.path.parent / word] = None
-        return list(found)
+                    files[self.path.parent / word] = None
+        return list(files)
 
     def rename(self, title: str) -> str:
         """Return the text with another title.
@@ -73,7 +73,7 @@ class Example:
         """
         escaped = title.replace("\\", "\\\\").replace('"', '\\"')
         start = r'(?m)^(name\s*=\s*)"[^"\n]*"'
-        named, count = re.subn(start, lambda found: f'{found[1]}"{escaped}"', self.text, count=1)
+        named, count = re.subn(start, lambda match: f'{match[1]}"{escaped}"', self.text, count=1)
         assert count == 1, "every example has a name"
         return named
 

@@ -42,9 +42,9 @@ class Scenario(Mission):
 
         Raises `ScenarioError` where it holds a Python object in place of a part: a text cannot bring that back.
         """
-        for one in python_objects(self):
+        for python_object in python_objects(self):
             raise ScenarioError(
-                f"{self._where}: holds the Python object {name_object(one)}, which TOML cannot; "
+                f"{self._where}: holds the Python object {name_object(python_object)}, which TOML cannot; "
                 "keep the script that builds the scenario"
             )
         return self.source.scenario

@@ -72,13 +72,13 @@ def flash(
         reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng, threads)
     else:
         reading, waveforms = detector.detect(photons, lidar.detector, rng, threads)
-    made: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "signal": signal, "photons": photons}
-    made |= {"taps": taps, "waveforms": waveforms}
+    records: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "signal": signal, "photons": photons}
+    records |= {"taps": taps, "waveforms": waveforms}
     if "oversampled" in keep:
-        made["oversampled"] = optics.oversample(hits, laser, receiver)
+        records["oversampled"] = optics.oversample(hits, laser, receiver)
     if "prediction" in keep:
-        made["prediction"] = detector.predict_pixels(photons, lidar.detector, labels.range_m, threads=threads)
-    kept = {name: record for name in keep if (record := made[name]) is not None}
+        records["prediction"] = detector.predict_pixels(photons, lidar.detector, labels.range_m, threads=threads)
+    kept = {name: record for name in keep if (record := records[name]) is not None}
     return assemble_frame(scenario, truth, lidar, index, reading, labels, kept, sensors)
 
 

@@ -99,14 +99,14 @@ def _fly(scenario: Scenario, workers: int | None, **chosen: Any) -> Iterator[Fra
     at_once, ahead = (workers, 2 * workers) if workers else (simulation.threads, simulation.threads)
     if simulation.threads > 1 and not workers:
         compile_ahead()
-    made: deque[Callable[[], Frame]] = deque()
+    flashes: deque[Callable[[], Frame]] = deque()
     with _flash_in_parallel(scenario, at_once, in_processes=workers is not None) as begin:
         while not simulation.is_over:
-            made.append(begin(simulation.advance(), keep=simulation.keep))
-            if len(made) > ahead:
-                yield made.popleft()()
-        while made:
-            yield made.popleft()()
+            flashes.append(begin(simulation.advance(), keep=simulation.keep))
+            if len(flashes) > ahead:
+                yield flashes.popleft()()
+        while flashes:
+            yield flashes.popleft()()
 
 
 @contextmanager

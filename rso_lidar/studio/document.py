@@ -48,22 +48,22 @@ class Document(EditableToml):
     @classmethod
     def open(cls, folder: Folder, name: str) -> Self:
         """Read the document of a file, or of the draft that is left of it."""
-        made = cls(folder, "", name)
-        draft = made._draft_path()
-        if made._path().exists() or not draft.is_file():
-            made._load()
+        document = cls(folder, "", name)
+        draft = document._draft_path()
+        if document._path().exists() or not draft.is_file():
+            document._load()
         if draft.is_file():
             try:
                 head, _, text = _decode(draft).partition("\n")
             except ScenarioError as error:
-                made.notice = f"{name}: the draft of the last session cannot be read and is ignored: {error}"
-                return made
-            if text != made._text:
-                made._text = made._drafted = text
-                made._digest = head.rpartition(" ")[2] if made._digest else ""
-                made.notice = f"{name}: unsaved edits of the last session were restored; undo or reload drops them"
-                made._past.append(made._saved_text)
-        return made
+                document.notice = f"{name}: the draft of the last session cannot be read and is ignored: {error}"
+                return document
+            if text != document._text:
+                document._text = document._drafted = text
+                document._digest = head.rpartition(" ")[2] if document._digest else ""
+                document.notice = f"{name}: unsaved edits of the last session were restored; undo or reload drops them"
+                document._past.append(document._saved_text)
+        return document
 
     @property
     def title(self) -> str:

@@ -72,7 +72,7 @@ class JobRequest:
     @property
     def is_plain(self) -> bool:
         """Whether all its values have the types that they are declared with, which a damaged journal may not."""
-        return all(type(getattr(self, one.name)).__name__ == one.type for one in fields(self))
+        return all(type(getattr(self, declared.name)).__name__ == declared.type for declared in fields(self))
 
     def command(self) -> list[str]:
         """Return the command. Python does not import from the working folder (-P), which may hold any file."""
@@ -124,7 +124,7 @@ class JobQueue:
         """
         self.folder, self._check = folder, check
         self._lock, self._journal_lock = threading.RLock(), threading.Lock()
-        self.jobs = [Job(one, "stopped", self._tell_state(one)) for one in self._read_journal()]
+        self.jobs = [Job(request, "stopped", self._tell_state(request)) for request in self._read_journal()]
         self._worker: threading.Thread | None = None
         self._is_closing = False
 
@@ -182,12 +182,12 @@ class JobQueue:
             return job
         if self._has_status(job.request, "running"):
             raise ScenarioError(f"{job.request.output}: {_STILL_RUNNING}; it can be resumed if that ends early")
-        made = self.add(replace(job.request, resume=job.request.kind in ("run", "dataset")))
+        new_job = self.add(replace(job.request, resume=job.request.kind in ("run", "dataset")))
         with self._lock:  # only now: what cannot be queued again stays in the list
-            self.jobs.remove(made)
-            self.jobs[self.jobs.index(job)] = made
+            self.jobs.remove(new_job)
+            self.jobs[self.jobs.index(job)] = new_job
         self._save_journal()
-        return made
+        return new_job
 
     def remove(self, job: Job) -> None:
         """Remove a job that has ended from the list; its files stay."""
@@ -267,8 +267,8 @@ class JobQueue:
         if job.request.kind == "run":
             with contextlib.suppress(RsoLidarError, OSError):
                 job.done = read_status(self.folder.path / job.request.output).frames
-        elif found := _STEPS.search(job.message):
-            job.done, job.total, job.rate_hz = int(found[1]), int(found[2]), float(found[3])
+        elif match := _STEPS.search(job.message):
+            job.done, job.total, job.rate_hz = int(match[1]), int(match[2]), float(match[3])
 
     def _read_journal(self) -> list[JobRequest]:
         """Read the jobs that an earlier studio left; damaged entries are left out."""
@@ -277,10 +277,10 @@ class JobQueue:
             entries = json.loads(file.read(_MOST_JOURNAL_BYTES))
         for entry in entries[:_MOST_JOBS] if isinstance(entries, list) else []:
             with contextlib.suppress(TypeError, RsoLidarError):
-                one = JobRequest(**entry)
-                if one.is_plain and one.kind in KINDS and not self._has_status(one, "complete"):
-                    self.folder.resolve(one.output, KINDS[one.kind].makes)
-                    requests.append(one)
+                request = JobRequest(**entry)
+                if request.is_plain and request.kind in KINDS and not self._has_status(request, "complete"):
+                    self.folder.resolve(request.output, KINDS[request.kind].makes)
+                    requests.append(request)
         return requests
 
     def _tell_state(self, request: JobRequest) -> str:

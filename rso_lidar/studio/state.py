@@ -79,7 +79,9 @@ class Workspace:
         """Return a document that has no file yet."""
         used = {*list_documents(self.folder), *self._unnamed}
         numbered = (UNSAVED.replace(".", f"_{number}.") for number in itertools.count(2))
-        name = next(one for one in (UNSAVED, *itertools.islice(numbered, len(used) + 1)) if one not in used)
+        name = next(
+            candidate for candidate in (UNSAVED, *itertools.islice(numbered, len(used) + 1)) if candidate not in used
+        )
         self._unnamed[name] = Document(self.folder, text, draft_name=name)
         return self._unnamed[name]
 
@@ -108,8 +110,10 @@ class Workspace:
         if other is not None and other is not document and other.is_changed:
             raise ScenarioError(f"{name}: is open with unsaved edits; save it, or give another name")
         document.save_as(name, overwrite=overwrite)
-        self._documents = {key: one for key, one in self._documents.items() if one is not document}
-        self._unnamed = {key: one for key, one in self._unnamed.items() if one is not document}
+        self._documents = {
+            key: open_document for key, open_document in self._documents.items() if open_document is not document
+        }
+        self._unnamed = {key: draft for key, draft in self._unnamed.items() if draft is not document}
         self._documents[name] = document
 
 
@@ -162,18 +166,18 @@ class BrowserTab:
         await asyncio.sleep(_PAUSE_S if self.assessment else 0.0)
         if generation != self._generation:
             return
-        made = await run.io_bound(assess, self.document.text, self.workspace.folder, self.document.title)
-        if made is not None and generation == self._generation:
-            self.assessment, self.warnings = made, None
+        assessment = await run.io_bound(assess, self.document.text, self.workspace.folder, self.document.title)
+        if assessment is not None and generation == self._generation:
+            self.assessment, self.warnings = assessment, None
             self.assessed.emit()
-            await self._warn(made, generation)
+            await self._warn(assessment, generation)
 
-    async def _warn(self, made: Assessment, generation: int) -> None:
+    async def _warn(self, assessment: Assessment, generation: int) -> None:
         """List the warnings on a text that may be flown, unless it changes before its turn."""
         async with self._warning:
-            if not made.is_ready or generation != self._generation:
+            if not assessment.is_ready or generation != self._generation:
                 return
-            lines = await run.io_bound(list_warnings, made, self.workspace.folder, self.document.title)
+            lines = await run.io_bound(list_warnings, assessment, self.workspace.folder, self.document.title)
             if lines is not None and generation == self._generation:
                 self.warnings = lines
                 self.warned.emit()

@@ -219,8 +219,10 @@ def fit_relative_orbit(
     if not len(measured):
         raise RecordingError(f"fit: no frame measures '{name}' whole in the field and with an attitude; give others")
     at_s = float(fixes.time_s[measured[0]]) if epoch_s is None else float(epoch_s)
-    found = None if part is None else _fit_gnss(scenario, frames, part, attitude, at_s, forces, gate)
-    flown = own if own is not None else _take_known_orbit(scenario, frames[0], forces) if found is None else found.orbit
+    own_fit = None if part is None else _fit_gnss(scenario, frames, part, attitude, at_s, forces, gate)
+    flown = (
+        own if own is not None else _take_known_orbit(scenario, frames[0], forces) if own_fit is None else own_fit.orbit
+    )
     turn = tuple(np.hypot(attitude.slow_rad, misalignment_rad).tolist())
     bias = SightBias((before_m, 0.0, 0.0), (along_m, across_m, across_m), turn)
     fit = fit_relative_state(
@@ -235,7 +237,7 @@ def fit_relative_orbit(
         gate=gate,
     )
     return RelativeNavigation(
-        source.title, name, fit, found, attitude.source, noise_m, (along_m, across_m), len(frames)
+        source.title, name, fit, own_fit, attitude.source, noise_m, (along_m, across_m), len(frames)
     )
 
 

@@ -54,9 +54,9 @@ def find_sensor(scenario: Scenario, kind: type[_Sensor], name: str | None, asked
 
 def join_observed(observations: Sequence[Observation], name: str, asked_by: str) -> SensorSamples:
     """Join the samples of a sensor over observations."""
-    if any(name not in one.sensors for one in observations):
+    if any(name not in observation.sensors for observation in observations):
         raise RecordingError(f"{asked_by}: frames without samples of sensor '{name}'; record them again with it")
-    return join_samples([{name: one.sensors[name]} for one in observations])[name]
+    return join_samples([{name: observation.sensors[name]} for observation in observations])[name]
 
 
 def find_attitude(
@@ -158,7 +158,7 @@ def measure_target(
     at_s = np.array(time_s)
     turned, _, factor = attitude.find(at_s)
     line, spread = np.array(lines).reshape(-1, 3), np.array(spreads).reshape(-1, 3, 3)
-    arms = np.array([skew(one) for one in line]).reshape(-1, 3, 3)
+    arms = np.array([skew(direction) for direction in line]).reshape(-1, 3, 3)
     spread = spread + factor[:, None, None] * (arms @ attitude.white_rad2 @ np.swapaxes(arms, -1, -2))
     return TargetFixes(
         at_s,

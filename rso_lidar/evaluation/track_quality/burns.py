@@ -25,7 +25,7 @@ def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[rpo.P
     if plan is None or time_s.size < 2:
         return []
     commands = list_commands(scenario.follower, scenario.bodies, scenario.time.start_utc, float(time_s[-1]))
-    burns = [one for one in commands if time_s[0] < one.time_s]
+    burns = [command for command in commands if time_s[0] < command.time_s]
     burns = sorted([*burns, *_sample_control(plan, time_s)], key=lambda burn: burn.time_s)
     places = np.minimum(np.searchsorted(time_s, [burn.time_s for burn in burns]), time_s.size - 1)
     return list(zip(burns, places.tolist(), strict=True))

@@ -156,7 +156,7 @@ def tracking(
     for kind, mean_motion in _choose_filters(
         frames[0], local=scenario.is_local or bool(list_lunar_bodies(scenario.located_bodies))
     ).items():
-        made = tracks[kind] = filter_positions(
+        track = tracks[kind] = filter_positions(
             time_s,
             np.array([row.place_m(kind) for row in rows]),
             np.array([row.spread_m2(kind) for row in rows]),
@@ -164,7 +164,7 @@ def tracking(
             acceleration_m_s2_sqrt_hz=acceleration_m_s2_sqrt_hz,
             kicks=[(burn.time_s, -rows[k].from_rtn(kind).apply(burn.delta_v_m_s)) for burn, k in burns],
         )
-        table |= _tabulate_errors(kind, made, rows)
+        table |= _tabulate_errors(kind, track, rows)
     known = tuple(hinge.name for hinge in model.hinges) if "icp_error_rad" in table else ()
     return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_sqrt_hz, known)
 
@@ -254,9 +254,9 @@ def _evaluate_frame(
         in_rtn = truth.poses.link("follower.rtn", name)
         turns["cw"] = truth.pose("follower.rtn", "follower").rotation
         true_m["cw"], true_m_s["cw"] = in_rtn.translation_m, in_rtn.velocity_m_s
-    found, middle, covariance = None, np.full(3, np.nan), np.eye(3)
+    alignment, middle, covariance = None, np.full(3, np.nan), np.eye(3)
     if fix is not None:
-        found = follow(truth.time_s, fix.points_m, own * seat.rotation, _half_field_rad(frame)) if follow else None
+        alignment = follow(truth.time_s, fix.points_m, own * seat.rotation, _half_field_rad(frame)) if follow else None
         toward = fix.position_m / fix.range_m
         ahead = np.outer(toward, toward)
         before_m, along_m, across_m = wander
@@ -267,7 +267,7 @@ def _evaluate_frame(
     points, pose = 0 if fix is None else len(fix.points_m), truth.pose("lidar", name)
     hinges_rad = measure_hinges_rad(truth, name, follow.model.hinges if follow else ())
     return _EvaluatedFrame(
-        truth.time_s, kept, points, middle, covariance, seat, turns, true_m, true_m_s, pose, hinges_rad, found
+        truth.time_s, kept, points, middle, covariance, seat, turns, true_m, true_m_s, pose, hinges_rad, alignment
     )
 
 
@@ -311,8 +311,10 @@ def _tabulate_hinges(rows: Sequence[_EvaluatedFrame], model: SampledMesh) -> dic
     """Tabulate the angles (time) of each hinge [rad] with standard deviations and errors."""
     table = {}
     for number, hinge in enumerate(model.hinges):
-        found = [(row.found.hinge_angles_rad, row.found.hinge_sigmas_rad) if row.found else None for row in rows]
-        angle, sigma = (np.array([one[k][hinge.name] if one else np.nan for one in found]) for k in (0, 1))
+        estimates = [(row.found.hinge_angles_rad, row.found.hinge_sigmas_rad) if row.found else None for row in rows]
+        angle, sigma = (
+            np.array([estimate[k][hinge.name] if estimate else np.nan for estimate in estimates]) for k in (0, 1)
+        )
         error = angle - np.array([row.true_hinges_rad[number] for row in rows])
         column = f"icp_hinge_{hinge.name}"
         table[f"{column}_rad"], table[f"{column}_sigma_rad"] = angle, sigma
@@ -320,14 +322,14 @@ def _tabulate_hinges(rows: Sequence[_EvaluatedFrame], model: SampledMesh) -> dic
     return table
 
 
-def _compare_alignment(found: Alignment, true: RigidTransform, model: SampledMesh) -> np.ndarray:
+def _compare_alignment(alignment: Alignment, true: RigidTransform, model: SampledMesh) -> np.ndarray:
     """Return position and quaternion of lidar_from_body, rms [m], and errors of position [m], turn and long axis [rad]."""
-    place, rotation = found.pose.translation, found.pose.rotation
+    place, rotation = alignment.pose.translation, alignment.pose.rotation
     ours, theirs = rotation.apply(model.long_axis), true.rotation.apply(model.long_axis)
     axis_rad = np.arctan2(np.linalg.norm(np.cross(ours, theirs)), np.dot(ours, theirs))
     turn_rad = (rotation.inv() * true.rotation).magnitude()
     apart_m = np.linalg.norm(place - true.translation)
-    return np.array([*place, *quaternion_xyzw(rotation), found.rms_m, apart_m, turn_rad, axis_rad])
+    return np.array([*place, *quaternion_xyzw(rotation), alignment.rms_m, apart_m, turn_rad, axis_rad])
 
 
 def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:
@@ -340,16 +342,16 @@ def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.nd
     return {f"{name}_{axis}{unit}": column for axis, column in zip(Tracking.AXES, values.T, strict=True)}
 
 
-def _tabulate_errors(kind: str, made: Track, rows: Sequence[_EvaluatedFrame]) -> dict[str, np.ndarray]:
+def _tabulate_errors(kind: str, track: Track, rows: Sequence[_EvaluatedFrame]) -> dict[str, np.ndarray]:
     """Tabulate a filter's estimates in its own axes, its errors in lidar axes, and its NIS."""
     table = {}
     for values, word, unit, true in (
-        (made.position_m, "", "_m", [row.true_m[kind] for row in rows]),
-        (made.velocity_m_s, "_velocity", "_m_s", [row.true_m_s[kind] for row in rows]),
+        (track.position_m, "", "_m", [row.true_m[kind] for row in rows]),
+        (track.velocity_m_s, "_velocity", "_m_s", [row.true_m_s[kind] for row in rows]),
     ):
         for axis, column in zip("xyz", values.T, strict=True):
             table[f"{kind}{word}_{axis}{unit}"] = column
         off = values - np.array(true)
-        seen = np.array([row.lidar_from(kind).apply(one) for row, one in zip(rows, off, strict=True)])
+        seen = np.array([row.lidar_from(kind).apply(error_m) for row, error_m in zip(rows, off, strict=True)])
         table |= _vector_columns(f"{kind}{word}_error", seen, unit)
-    return table | {f"{kind}_nis": made.nis}
+    return table | {f"{kind}_nis": track.nis}

@@ -79,8 +79,8 @@ def _mean_intensity(lidar: Lidar, range_m: float, rng: np.random.Generator) -> n
     seen = make_plate(_LEVELS[level], n, laser.pulse, laser.pulse_fwhm_s, max(range_m - 0.5, 0.0))
     reading, _ = detect(seen, isolate(lidar.detector), rng)
     counts = reading.intensity_counts.ravel().astype(float)
-    found = np.bincount(level, counts > 0, len(_LEVELS))
-    mean = np.bincount(level, counts, len(_LEVELS)) / np.maximum(found, 1)
+    n_reports = np.bincount(level, counts > 0, len(_LEVELS))
+    mean = np.bincount(level, counts, len(_LEVELS)) / np.maximum(n_reports, 1)
     rising: np.ndarray = np.maximum.accumulate(mean)
     return rising
 

@@ -110,7 +110,7 @@ def _draw_range(axes: Axes, table: Mapping[str, np.ndarray]) -> None:
     points.set_ylim(bottom=0.0)
     figures.format_thousands(points.yaxis)
     figures.colour_axis(points, "right", palette.ORANGE)
-    entries = [one.get_legend_handles_labels() for one in (axes, points)]
+    entries = [panel.get_legend_handles_labels() for panel in (axes, points)]
     _draw_legend(axes, [*entries[0][0], *entries[1][0]], [*entries[0][1], *entries[1][1]])
 
 

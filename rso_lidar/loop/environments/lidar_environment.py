@@ -70,7 +70,7 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
         if not lost_after_s > 0.0:
             raise ScenarioError(f"lost_after_s: {lost_after_s!r:.40} is not a time; give seconds, greater than 0")
         self.scenario = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
-        names = [one.name for one in self.scenario.target]
+        names = [candidate.name for candidate in self.scenario.target]
         self.target = names[0] if target is None else target
         if self.target not in names:
             raise ScenarioError(
@@ -184,7 +184,7 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
         ----------
         frame : of this environment
         """
-        number = [one.name for one in self.scenario.target].index(self.target)
+        number = [target.name for target in self.scenario.target].index(self.target)
         return int((frame.labels.target == number).sum())
 
     @property

@@ -115,13 +115,13 @@ class FmuController:
             self._point, _ = self._run.begin(values)
         self._point, rows = self._run.advance(self._point, values[None], keep_state=False)
         self._tick += 1
-        found: dict[str, list[float]] = {}
+        quantities: dict[str, list[float]] = {}
         signals = [signal.quantity for signal in self._run.settings.outputs for _ in range(signal.elements)]
         for name, value in zip(signals, rows[-1].tolist(), strict=True):
-            found.setdefault(name, []).append(value)
-        acceleration = found.get("acceleration_m_s2")
+            quantities.setdefault(name, []).append(value)
+        acceleration = quantities.get("acceleration_m_s2")
         return Command(
-            pan_rad=found["pan_rad"][0] if "pan_rad" in found else None,
-            tilt_rad=found["tilt_rad"][0] if "tilt_rad" in found else None,
+            pan_rad=quantities["pan_rad"][0] if "pan_rad" in quantities else None,
+            tilt_rad=quantities["tilt_rad"][0] if "tilt_rad" in quantities else None,
             inputs=None if acceleration is None else {"follower": acceleration},
         )

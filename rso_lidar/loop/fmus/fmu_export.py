@@ -148,8 +148,8 @@ def write_fmu(scenario: Scenario, path: str | Path, *, version: int = 2, overwri
     builder = _import_builder(version)
     inputs = list_inputs(scenario)
     words = {"package": _PACKAGES[version], "inputs": _list_ports(inputs), "outputs": _list_ports(OUTPUTS)}
-    with tempfile.TemporaryDirectory(prefix="rso_lidar_fmu_") as made:
-        folder = Path(made)
+    with tempfile.TemporaryDirectory(prefix="rso_lidar_fmu_") as folder_name:
+        folder = Path(folder_name)
         resources = [folder / "scenario.toml", *_copy_files(scenario, folder)]
         resources[0].write_text(scenario.source.scenario, encoding="utf-8")
         # A process imports a module once by its name, and may run several of these FMUs.
@@ -231,5 +231,5 @@ def _add_units(description: bytes, units: dict[str, str]) -> bytes:
         ElementTree.SubElement(ElementTree.SubElement(definitions, "Unit", name=name), "BaseUnit", exponents)
     place = [child.tag for child in root].index("CoSimulation") + 1
     root.insert(place, definitions)
-    made: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-    return made
+    xml_bytes: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return xml_bytes

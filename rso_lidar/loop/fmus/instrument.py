@@ -49,14 +49,14 @@ def measure(observation: Observation) -> dict[str, float]:
     """
     reading = observation.reading
     cluster = find_cluster(reading, GATE_M, MIN_PIXELS)
-    found = bool(cluster.any())
-    centroid = observation.points_m[cluster].mean(axis=0) if found else np.zeros(3)
+    has_cluster = bool(cluster.any())
+    centroid = observation.points_m[cluster].mean(axis=0) if has_cluster else np.zeros(3)
     pan_tilt = np.zeros(2) if observation.pan_tilt_rad is None else observation.pan_tilt_rad
     values = (
         np.isfinite(reading.range_m).sum(),
         cluster.sum(),
         *centroid,
-        np.median(reading.range_m[cluster]) if found else 0.0,
+        np.median(reading.range_m[cluster]) if has_cluster else 0.0,
         *pan_tilt,
         observation.time_s,
     )

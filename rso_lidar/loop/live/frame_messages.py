@@ -48,14 +48,14 @@ def write_transforms(frame: Frame) -> Any:
     from foxglove.messages import FrameTransform, FrameTransforms, Quaternion, Vector3
 
     poses, world = frame.truth.poses, rerun_scene.world_of(frame)
-    made = []
+    transforms = []
     for name, path in rerun_scene.paths_of(poses, world).items():
         if name == world:
             continue
         parent_from = poses.pose(path[-2], name)
         x, y, z = (float(value) for value in parent_from.translation)
         qx, qy, qz, qw = (float(value) for value in quaternion_xyzw(parent_from.rotation))
-        made.append(
+        transforms.append(
             FrameTransform(
                 timestamp=_timestamp(frame),
                 parent_frame_id=path[-2],
@@ -64,7 +64,7 @@ def write_transforms(frame: Frame) -> Any:
                 rotation=Quaternion(x=qx, y=qy, z=qz, w=qw),
             )
         )
-    return FrameTransforms(transforms=made)
+    return FrameTransforms(transforms=transforms)
 
 
 def write_range(frame: Frame) -> Any:

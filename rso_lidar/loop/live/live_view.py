@@ -205,7 +205,7 @@ def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:
     """
     from foxglove import Channel, channels
 
-    made = {
+    by_topic = {
         "/tf": channels.FrameTransformsChannel("/tf", context=context),
         "/lidar/range": channels.RawImageChannel("/lidar/range", context=context),
         "/lidar/intensity": channels.RawImageChannel("/lidar/intensity", context=context),
@@ -215,5 +215,5 @@ def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:
         "/log": channels.LogChannel("/log", context=context),
     }
     if has_ptu:
-        made["/ptu"] = Channel("/ptu", schema=PTU_SCHEMA, context=context)
-    return made
+        by_topic["/ptu"] = Channel("/ptu", schema=PTU_SCHEMA, context=context)
+    return by_topic

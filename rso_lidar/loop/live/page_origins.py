@@ -31,10 +31,10 @@ def parse_origin(text: str) -> str:
     >>> parse_origin("HTTP://LocalHost:80")
     'http://localhost'
     """
-    found = re.fullmatch(r"([a-z][a-z0-9+.\-]*)://((?:\[[0-9a-f:.]+\]|[a-z0-9.\-]+)(?::(\d{1,5}))?)", text.lower())
-    if found is None or int(found[3] or 0) > 65535:
+    match = re.fullmatch(r"([a-z][a-z0-9+.\-]*)://((?:\[[0-9a-f:.]+\]|[a-z0-9.\-]+)(?::(\d{1,5}))?)", text.lower())
+    if match is None or int(match[3] or 0) > 65535:
         raise ScenarioError(f"--live-origin {text:.80}: is not an origin; write for example http://localhost:8080")
-    scheme, place = found[1], found[2]
+    scheme, place = match[1], match[2]
     return f"{scheme}://{place.removesuffix(_DEFAULT_PORTS.get(scheme, '/'))}"
 
 

@@ -316,7 +316,7 @@ def _to_ns(name: str, time_s: float | None) -> int | None:
 
 def _list_fields(command: Command) -> dict[str, Any]:
     """Return the fields of a command as JSON takes them."""
-    found = {name: value for name, value in vars(command).items() if value is not None}
+    fields = {name: value for name, value in vars(command).items() if value is not None}
     if command.inputs is not None:
-        found["inputs"] = {name: np.asarray(row, dtype=float).ravel().tolist() for name, row in command.inputs.items()}
-    return found
+        fields["inputs"] = {name: np.asarray(row, dtype=float).ravel().tolist() for name, row in command.inputs.items()}
+    return fields

@@ -84,10 +84,10 @@ def is_private(option: str, endpoint: str) -> bool:
     """
     if re.fullmatch(r"ipc://[^\s*@][^\s*]*", endpoint):
         return True
-    found = re.fullmatch(r"tcp://(\[[0-9a-fA-F:.]+\]|[\w.\-]+|\*):(\d{1,5}|\*)", endpoint)
-    if found is None or (found[2] != "*" and int(found[2]) > 65535):
+    match = re.fullmatch(r"tcp://(\[[0-9a-fA-F:.]+\]|[\w.\-]+|\*):(\d{1,5}|\*)", endpoint)
+    if match is None or (match[2] != "*" and int(match[2]) > 65535):
         raise ScenarioError(f"{option} {endpoint:.80}: is not an address; write for example tcp://127.0.0.1:5571")
-    host = found[1].strip("[]")
+    host = match[1].strip("[]")
     if host == "localhost":
         return True
     try:

@@ -180,10 +180,10 @@ class LinkedSimulation:
             return Delivery(moment.index, "skipped", self.time_ns, None, None)
         self.frame = self.simulation.step(self._active)
         self._samples.append(self.simulation.samples)
-        made = self._send(self.frame)
-        if made.observation is not None:
-            self._delivered = made
-        return made
+        delivery = self._send(self.frame)
+        if delivery.observation is not None:
+            self._delivered = delivery
+        return delivery
 
     def _fly(self, end_ns: int) -> None:
         """Go on to a time, and make the flash on the way."""
@@ -197,9 +197,9 @@ class LinkedSimulation:
                     f"dt: a step that ends at {end_ns / NS_PER_S:g} s contains two flashes; a step contains at most one"
                 )
             self.frame = frame
-            if (made := self._send(frame)).observation is not None:
-                self._readings.append(made)
-                self._readings.sort(key=lambda one: one.t_available_ns or 0)
+            if (delivery := self._send(frame)).observation is not None:
+                self._readings.append(delivery)
+                self._readings.sort(key=lambda reading: reading.t_available_ns or 0)
 
     def _go_on(self, end_ns: int) -> Frame | None:
         """Go on to a time under the active command; return the frame of a flash on the way."""

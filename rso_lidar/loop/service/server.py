@@ -129,18 +129,18 @@ class Server:
     def _make_socket(self, context: Any, undone: ExitStack, kind: int) -> Any:
         """Make a socket of the server, with limits on the size of a part and on the number of messages that wait."""
         zmq = self._zmq
-        made = undone.enter_context(context.socket(kind))
-        made.setsockopt(zmq.MAXMSGSIZE, MOST_REQUEST_BYTES)
-        made.setsockopt(zmq.SNDHWM, _WAITING)
-        made.setsockopt(zmq.RCVHWM, _WAITING)
-        made.setsockopt(zmq.LINGER, _LINGER_MS)
-        made.setsockopt(zmq.HANDSHAKE_IVL, _HANDSHAKE_MS)
+        zmq_socket = undone.enter_context(context.socket(kind))
+        zmq_socket.setsockopt(zmq.MAXMSGSIZE, MOST_REQUEST_BYTES)
+        zmq_socket.setsockopt(zmq.SNDHWM, _WAITING)
+        zmq_socket.setsockopt(zmq.RCVHWM, _WAITING)
+        zmq_socket.setsockopt(zmq.LINGER, _LINGER_MS)
+        zmq_socket.setsockopt(zmq.HANDSHAKE_IVL, _HANDSHAKE_MS)
         if self._security.server_key is not None:
-            made.curve_publickey, made.curve_secretkey = load_keys(self._security.server_key)
-            made.curve_server = True
-        return made
+            zmq_socket.curve_publickey, zmq_socket.curve_secretkey = load_keys(self._security.server_key)
+            zmq_socket.curve_server = True
+        return zmq_socket
 
-    def _bind_socket(self, gateway: Gateway, made: Any, folder: str, option: str, endpoint: str) -> str:
+    def _bind_socket(self, gateway: Gateway, zmq_socket: Any, folder: str, option: str, endpoint: str) -> str:
         """Bind a socket to a private address behind the gateway, and return the public one.
 
         Parameters
@@ -149,8 +149,8 @@ class Server:
         option, endpoint : the public address, and the option that gave it
         """
         has_ipc = self._zmq.has("ipc") and hasattr(socket, "AF_UNIX")
-        made.bind(f"ipc://{folder}/{option.strip('-')}" if has_ipc else "tcp://127.0.0.1:*")
-        backend: str = made.get(self._zmq.LAST_ENDPOINT).rstrip(b"\0").decode()
+        zmq_socket.bind(f"ipc://{folder}/{option.strip('-')}" if has_ipc else "tcp://127.0.0.1:*")
+        backend: str = zmq_socket.get(self._zmq.LAST_ENDPOINT).rstrip(b"\0").decode()
         is_stream = option == "--publish"
         is_curve = self._security.server_key is not None
         try:

@@ -232,10 +232,10 @@ class Session:
         return Answer(self._state())
 
 
-def _are_equal(one: np.ndarray, other: np.ndarray) -> bool:
+def _are_equal(first: np.ndarray, other: np.ndarray) -> bool:
     """Return whether two read-only arrays are equal; views of all of one array are, without a look at their values."""
-    base = one.base
+    base = first.base
     if base is None or base is not other.base:
-        return np.array_equal(one, other)
-    is_whole = one.shape == other.shape == base.shape and one.strides == other.strides
-    return is_whole or np.array_equal(one, other)
+        return np.array_equal(first, other)
+    is_whole = first.shape == other.shape == base.shape and first.strides == other.strides
+    return is_whole or np.array_equal(first, other)

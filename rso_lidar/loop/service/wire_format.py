@@ -82,7 +82,7 @@ def list_reading(
     if observation is not None:
         inside = {"reading": observation.reading, **inside}
         own = list_record("", observation)
-        arrays += [one for one in own if with_line_of_sight or one.path != "line_of_sight"]
+        arrays += [array for array in own if with_line_of_sight or array.path != "line_of_sight"]
     for path, record in inside.items():
         arrays += list_record(f"{path}/", record)
     return {path: type(record).__name__ for path, record in inside.items()}, arrays
@@ -109,11 +109,11 @@ def encode(header: dict[str, Any], arrays: Sequence[WireArray] = ()) -> list[Any
     header : of the message, without schema and arrays. A number that is not finite is sent as null
     arrays : in the order in which they are sent
     """
-    packed = [_to_little_endian(one.values) for one in arrays]
+    packed = [_to_little_endian(array.values) for array in arrays]
     listed = b",".join(
         [
-            _describe_array(one.path, one.spec, values.dtype.str, values.shape)
-            for one, values in zip(arrays, packed, strict=True)
+            _describe_array(array.path, array.spec, values.dtype.str, values.shape)
+            for array, values in zip(arrays, packed, strict=True)
         ]
     )
     text = to_json({"schema": SCHEMA, **header}, inf_nan_mode="null")

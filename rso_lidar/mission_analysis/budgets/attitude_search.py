@@ -70,8 +70,8 @@ class AttitudeSearch:
         n = min(n, len(self._attitudes))
         if (range_m, n) not in self._known:
             some = np.linspace(0, len(self._attitudes) - 1, n).round().astype(int) if not self._others else range(n)
-            found, _ = self._evaluate([self._attitudes[k] for k in some], range_m, self._phases[:n])
-            self._known[range_m, n] = float(found.mean())
+            probabilities, _ = self._evaluate([self._attitudes[k] for k in some], range_m, self._phases[:n])
+            self._known[range_m, n] = float(probabilities.mean())
         return self._known[range_m, n]
 
     def of_attitude(self, attitude: Attitude, range_m: float, n: int) -> float:
@@ -82,8 +82,8 @@ class AttitudeSearch:
         attitude, range_m : the attitude, and the range [m]
         n : number of places in the pixel grid over which the mean is taken
         """
-        found, _ = self._evaluate([attitude] * n, range_m, spread_attitudes(n)[1])
-        return float(found.mean())
+        probabilities, _ = self._evaluate([attitude] * n, range_m, spread_attitudes(n)[1])
+        return float(probabilities.mean())
 
     def find_worst(self, range_m: float) -> Attitude:
         """Find the attitude of least probability at a range [m]; of equal ones that with the fewest photons.
@@ -119,8 +119,8 @@ class AttitudeSearch:
         n : number of places in the pixel grid over which the means are taken
         """
         places = np.tile(spread_attitudes(n)[1], (len(attitudes), 1))
-        found, photons = self._evaluate([one for one in attitudes for _ in range(n)], range_m, places)
-        means = np.stack([found.reshape(-1, n).mean(axis=1), photons.reshape(-1, n).mean(axis=1)], axis=1)
+        probabilities, photons = self._evaluate([attitude for attitude in attitudes for _ in range(n)], range_m, places)
+        means = np.stack([probabilities.reshape(-1, n).mean(axis=1), photons.reshape(-1, n).mean(axis=1)], axis=1)
         order = np.lexsort([means[:, 1], means[:, 0]])
         return [(attitudes[k], (float(means[k, 0]), float(means[k, 1]))) for k in order]
 
@@ -142,7 +142,7 @@ class AttitudeSearch:
         phases : (attitude, right_down) places in the pixel grid
         """
         lidar = follow_gate(self._lidar, range_m)
-        truths = [self._place(one, range_m, phase) for one, phase in zip(attitudes, phases, strict=True)]
+        truths = [self._place(attitude, range_m, phase) for attitude, phase in zip(attitudes, phases, strict=True)]
         covered = math.pi * (self.radius_m / range_m / lidar.receiver.pixel_tangent) ** 2
         finest = max(math.isqrt(int(_MOST_RAYS / max(covered, 1.0))), 1)
         return find_aspects(lidar, self._surfaces, self._number, truths, self._finding, finest)

@@ -28,7 +28,7 @@ def choose_body(lidar: Lidar, scenario: Scenario | None, body: str | None) -> tu
     ScenarioError
         If there is no such body.
     """
-    names = [] if scenario is None else [one.name for one in scenario.target]
+    names = [] if scenario is None else [target.name for target in scenario.target]
     if body is None:
         if scenario is None or not names:
             where = "a camera alone has no body" if scenario is None else "the scenario has no target"

@@ -40,7 +40,7 @@ def budget_figure(
     filled_to_m : range beyond which the target fills no pixel, and curves are drawn faintly [m]
     """
     figure = figures.new_figure(11.0, 8.2, title, note, tuple(small_print))
-    (light, found), (precision, pixels) = figure.subplots(2, 2, sharex=True)
+    (light, detection), (precision, pixels) = figure.subplots(2, 2, sharex=True)
     for number, (name, curve) in enumerate(zip(names, curves, strict=True)):
         look = {
             "color": _COLOURS[number % len(_COLOURS)],
@@ -51,7 +51,7 @@ def budget_figure(
         reach = ": never" if np.isnan(curve.max_range_m) else f": {_format_length(curve.max_range_m)}{ends}"
         shown = np.where(curve.detection_probability >= 0.01, curve.range_precision_m / units.CM, np.nan)
         light.plot([], [], label=f"{name}{reach}", **look)
-        for axes, values in ((light, curve.photons), (found, curve.detection_probability), (precision, shown)):
+        for axes, values in ((light, curve.photons), (detection, curve.detection_probability), (precision, shown)):
             if filled_to_m < curve.range_m[-1]:
                 axes.plot(curve.range_m, values, **look, alpha=_FAINT)
             near = curve.range_m <= filled_to_m
@@ -60,17 +60,17 @@ def budget_figure(
         if curve.range_m[0] <= curve.max_range_m <= curve.range_m[-1]:
             at = np.log(curve.max_range_m)
             there = float(np.interp(at, np.log(curve.range_m), curve.detection_probability)) if ends else probability
-            _mark(found, curve.max_range_m, there, str(look["color"]))
+            _mark(detection, curve.max_range_m, there, str(look["color"]))
             for axes, values in ((light, curve.photons), (pixels, curve.pixels_on_target)):
                 height = np.exp(np.interp(at, np.log(curve.range_m), np.log(np.maximum(values, 1e-12))))
                 _mark(axes, curve.max_range_m, float(height), str(look["color"]))
     first, last = min(curve.range_m[0] for curve in curves), max(curve.range_m[-1] for curve in curves)
     if first < filled_to_m < last:
-        for axes in (light, found, precision):
+        for axes in (light, detection, precision):
             axes.axvline(filled_to_m, color=palette.QUIET, lw=figures.THIN_PT, ls=(0, (2, 3)), zorder=0)
-    found.axhline(probability, color=palette.RULE, lw=figures.THIN_PT, zorder=0)
+    detection.axhline(probability, color=palette.RULE, lw=figures.THIN_PT, zorder=0)
     _prepare_axes(light, "Photons on the pixel", "expected, after the optics")
-    _prepare_axes(found, "Probability of detection", f"marked: P = {probability:g}")
+    _prepare_axes(detection, "Probability of detection", f"marked: P = {probability:g}")
     _prepare_axes(precision, "Range precision [cm]", "1 sigma of detected returns")
     _prepare_axes(pixels, "Pixels on the target", "lit and in the field")
     for axes in (light, precision, pixels):
@@ -78,10 +78,10 @@ def budget_figure(
     low, high = light.get_ylim()
     if high > 10.0 * _LOWEST_PHOTONS:
         light.set_ylim(max(_LOWEST_PHOTONS, low), high)
-    found.set_ylim(-0.02, 1.04)
+    detection.set_ylim(-0.02, 1.04)
     for axes in (light, precision, pixels):
         figures.log_ticks(axes.yaxis, *axes.get_ylim())
-    for axes in (light, found, precision, pixels):
+    for axes in (light, detection, precision, pixels):
         figures.log_ticks(axes.xaxis, *axes.get_xlim())
     for axes in (precision, pixels):
         axes.set_xlabel("Range [m]", fontsize=figures.TEXT_PT, color=palette.QUIET)

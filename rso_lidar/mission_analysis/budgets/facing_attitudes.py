@@ -14,8 +14,8 @@ _MOST_ALIGNED_DEG = 10.0  # an axis closer than this to a direction is described
 
 def list_facing_attitudes() -> np.ndarray:
     """Return the attitudes (attitude, 3, 3) in which a face, an edge or a corner of the body's box faces the lidar."""
-    directions = [np.array(one, dtype=float) for one in product((-1, 0, 1), repeat=3) if any(one)]
-    return np.array([face_direction(one / np.linalg.norm(one)) for one in directions])
+    directions = [np.array(signs, dtype=float) for signs in product((-1, 0, 1), repeat=3) if any(signs)]
+    return np.array([face_direction(direction / np.linalg.norm(direction)) for direction in directions])
 
 
 def face_direction(toward: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ _HIGH = 0.8  # level whose line a legend at the top would cover
 
 def finding_figure(
     range_m: np.ndarray,
-    found: np.ndarray,
+    found_probability: np.ndarray,
     worst_found: np.ndarray,
     *,
     title: str,
@@ -33,14 +33,14 @@ def finding_figure(
     Parameters
     ----------
     range_m : (range) [m]
-    found, worst_found : (range) probabilities over all attitudes, and in the worst one
+    found_probability, worst_found : (range) probabilities over all attitudes, and in the worst one
     probability, max_range_m : wanted probability, and the greatest range that has it [m], NaN where none has
     worst : description of the worst attitude, None without one
     """
     figure = figures.new_figure(8.4, 4.8, title, note, tuple(small_print))
     axes = figure.subplots()
     colour, other = palette.BLUE, palette.ORANGE
-    axes.plot(range_m, found, color=colour, lw=figures.THICK_PT, label="over all attitudes")
+    axes.plot(range_m, found_probability, color=colour, lw=figures.THICK_PT, label="over all attitudes")
     if worst is not None:
         axes.plot(
             range_m, worst_found, color=other, lw=figures.THICK_PT, ls=(0, (5, 2)), label=f"worst attitude: {worst}"
@@ -58,7 +58,10 @@ def finding_figure(
         )
     axes.set_xscale("log")
     figures.style_axes(axes, "Probability that the body is found", note=f"marked: P = {probability:g}")
-    shown = np.flatnonzero((found > _SHOWN) & (worst_found < 1.0 - _SHOWN) | (found < 1.0 - _SHOWN) & (found > _SHOWN))
+    shown = np.flatnonzero(
+        (found_probability > _SHOWN) & (worst_found < 1.0 - _SHOWN)
+        | (found_probability < 1.0 - _SHOWN) & (found_probability > _SHOWN)
+    )
     if shown.size > 1:
         first, last = max(int(shown[0]) - 1, 0), min(int(shown[-1]) + 1, len(range_m) - 1)
         axes.set_xlim(range_m[first], range_m[last])

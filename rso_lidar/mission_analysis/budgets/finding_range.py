@@ -79,10 +79,10 @@ class FoundRange:
             return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
         limit = " (no farther range was asked for, or the detector sees none)" if self.is_limited else ""
         lines.append(f"  P = {self.probability:g}: to {self.max_range_m:,.0f} m{limit}")
-        others = [(one, self.range_of(one)) for one in (0.99, 0.9, 0.5, 0.1) if one != self.probability]
+        others = [(level, self.range_of(level)) for level in (0.99, 0.9, 0.5, 0.1) if level != self.probability]
         lines.append(
             "  other probabilities: "
-            + ", ".join(f"P = {one:g} to {at:,.0f} m" for one, at in others if math.isfinite(at))
+            + ", ".join(f"P = {level:g} to {at:,.0f} m" for level, at in others if math.isfinite(at))
         )
         if self.worst_attitude is not None:
             from scipy.spatial.transform import Rotation
@@ -224,8 +224,8 @@ def find_range(
     outside = (scan_m < curve_m[0]) | (scan_m > curve_m[-1])
     order = np.argsort(np.concatenate([scan_m[outside], curve_m]))
     along_m = np.concatenate([scan_m[outside], curve_m])[order]
-    found = np.concatenate([scan[outside], curve])[order]
-    most_m, limited = _solve_m(lambda at: search.over_attitudes(at, attitudes), along_m, found, probability)
+    found_probability = np.concatenate([scan[outside], curve])[order]
+    most_m, limited = _solve_m(lambda at: search.over_attitudes(at, attitudes), along_m, found_probability, probability)
     worst: np.ndarray | None = None
     there, alone_m, below = math.nan, math.nan, np.full(len(along_m), np.nan)
     if math.isfinite(most_m):
@@ -240,7 +240,7 @@ def find_range(
         probability=float(probability),
         attitudes=attitudes,
         range_m=along_m,
-        found_probability=found,
+        found_probability=found_probability,
         worst_probability=below,
         max_range_m=most_m,
         is_limited=limited,

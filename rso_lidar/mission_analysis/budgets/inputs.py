@@ -187,19 +187,19 @@ def choose_materials(
     if given is not None:
         if isinstance(given, str | float | int | Material):
             given = [given]
-        named = dict(_find_material(one, wavelength_m) for one in given)
+        named = dict(_find_material(choice, wavelength_m) for choice in given)
         if not named:
             raise ScenarioError("materials: none given; name one, or leave them out")
         return list(named.items())
     if scenario is None or not scenario.target:
         return [("lambertian 0.3", Lambertian())]
-    found = {material for surface in scenario.surfaces_of(0) for material in surface.materials}
-    found = {
-        material for material in found if not material.is_retro
-    } or found  # retro-reflectors are far smaller than a pixel
-    facing = sorted(found, key=lambda one: float(one.mean_brdf_per_sr(np.array(1.0))))
+    materials = {material for surface in scenario.surfaces_of(0) for material in surface.materials}
+    materials = {
+        material for material in materials if not material.is_retro
+    } or materials  # retro-reflectors are far smaller than a pixel
+    facing = sorted(materials, key=lambda material: float(material.mean_brdf_per_sr(np.array(1.0))))
     ends = dict.fromkeys([facing[0], facing[-1]])
-    return [(_name_material(one, wavelength_m), one) for one in ends]
+    return [(_name_material(material, wavelength_m), material) for material in ends]
 
 
 def _find_material(given: str | float | Material, wavelength_m: float) -> tuple[str, Scatterer]:
@@ -231,7 +231,9 @@ def _read_brdf_table(file: Path) -> TableBrdf:
     except csv.Error:
         raise ScenarioError(f"{file}: is not a CSV file; give columns incidence_deg, brdf_per_sr") from None
     try:
-        columns = [(float(one), float(other)) for one, other in rows[1 if rows and not _is_number(rows[0][0]) else 0 :]]
+        columns = [
+            (float(angle), float(other)) for angle, other in rows[1 if rows and not _is_number(rows[0][0]) else 0 :]
+        ]
         degrees, values = zip(*columns, strict=True)
         return TableBrdf(incidence_deg=degrees, measured_per_sr=values)
     except ValidationError as error:

@@ -50,15 +50,15 @@ def find_navigation_lidar(
         if ranges are no interval, or the target is not detected at the nearest
     """
     require_scenario(scenario, "find_navigation_lidar")
-    low, high = (float(one) for one in range_m)
+    low, high = (float(limit) for limit in range_m)
     if not (0.0 < low < high and math.isfinite(high)):
         raise ScenarioError(f"range_m: {low:g} m to {high:g} m is no interval of ranges: give two, ascending, above 0")
     lens = scenario.instrument.at(at_s).replace(schedule=None)
     fixed = scenario.replace(lidar=lens)
     grid = np.geomspace(low, high, _RANGES)
     area_m2 = budget(fixed, range_m=grid).target_area_m2
-    found = budget(fixed, range_m=grid, facet_m2=area_m2)
-    curve = found.curves[0]
+    link_budget = budget(fixed, range_m=grid, facet_m2=area_m2)
+    curve = link_budget.curves[0]
     detected = curve.detection_probability >= probability
     if not detected[0]:
         raise ScenarioError(
@@ -70,7 +70,7 @@ def find_navigation_lidar(
         raise ScenarioError(f"range_m: beyond {low:g} m the target is not detected: begin nearer")
     sigma = np.maximum(curve.range_precision_m[:last], _LEAST_M)
     return NavigationLidar(
-        bearing_sigma_deg=found.pixel_rad / math.sqrt(12.0) / units.DEG,
+        bearing_sigma_deg=link_budget.pixel_rad / math.sqrt(12.0) / units.DEG,
         range_sigma_m=range_sigma_m,
         range_noise=RangeNoise(range_m=tuple(grid[:last].tolist()), sigma_m=tuple(sigma.tolist())),
         origin_sigma_m=origin_sigma_m,

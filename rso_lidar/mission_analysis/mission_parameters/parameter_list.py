@@ -82,12 +82,12 @@ class _Origins:
 
 def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
     """List what the presets of a lidar, of its detector and of sensors set, by place: name of the preset, and value."""
-    found: dict[str, tuple[str, Any]] = {}
+    preset_values: dict[str, tuple[str, Any]] = {}
     detector_preset = getattr(scenario.lidar.detector, "preset", None)
     if detector_preset in DETECTOR_PRESETS:
         values = DETECTOR_PRESETS[detector_preset]
         for name, part in (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons")):
-            found[f"lidar.detector.{name}.{part}"] = (detector_preset, values[part])
+            preset_values[f"lidar.detector.{name}.{part}"] = (detector_preset, values[part])
     if scenario.lidar.preset is not None:
         tables: list[tuple[str, Any]] = [("lidar", load_presets()[scenario.lidar.preset])]
         while tables:
@@ -96,12 +96,12 @@ def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
                 if isinstance(value, Mapping):
                     tables.append((f"{place}.{key}", value))
                 else:
-                    found[f"{place}.{key}"] = (scenario.lidar.preset, value)
+                    preset_values[f"{place}.{key}"] = (scenario.lidar.preset, value)
     for sensor in scenario.sensor:
         preset = getattr(sensor, "preset", None) or ""
         for key, value in load_sensor_presets().get(preset, {}).items():
-            found[f"sensor.{sensor.name}.{key}"] = (preset, value)
-    return found
+            preset_values[f"sensor.{sensor.name}.{key}"] = (preset, value)
+    return preset_values
 
 
 def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -> Iterator[MissionParameter]:
@@ -116,8 +116,8 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
         place, value = f"{path}.{name}".lstrip("."), getattr(part, name)
         given = is_given and name in part.model_fields_set
         inner = list(_list_inner(value))
-        for step, one in inner:
-            yield from _iterate_part(one, f"{place}{step}", origins, is_given=given)
+        for step, inner_part in inner:
+            yield from _iterate_part(inner_part, f"{place}{step}", origins, is_given=given)
         if inner:
             continue
         said, _, source = (field.description or "").partition("Default: ")
@@ -170,26 +170,26 @@ def _list_inner(value: Any) -> Iterator[tuple[str, Part]]:
     if isinstance(value, Part):
         yield "", value
     elif isinstance(value, Mapping):
-        yield from ((f".{key}", one) for key, one in value.items() if isinstance(one, Part))
+        yield from ((f".{key}", inner) for key, inner in value.items() if isinstance(inner, Part))
     elif isinstance(value, tuple):
-        for k, one in enumerate(value):
-            if isinstance(one, Part):
-                yield f".{getattr(one, 'name', k)}", one
+        for k, inner in enumerate(value):
+            if isinstance(inner, Part):
+                yield f".{getattr(inner, 'name', k)}", inner
 
 
 def _find_twin(part: Part, path: str, resolved: Mapping[str, Any]) -> Any:
     """Return the part of a place in which files have been found, or the part itself."""
-    for start, one in resolved.items():
+    for start, twin in resolved.items():
         if path == start or path.startswith(f"{start}."):
             for step in path.removeprefix(start).split("."):
-                one = getattr(one, step, None) if step else one
-            return one if type(one) is type(part) else part
+                twin = getattr(twin, step, None) if step else twin
+            return twin if type(twin) is type(part) else part
     return part
 
 
 def _list_derived(cls: type[Part]) -> list[tuple[str, str]]:
     """List the names of the numeric properties of a part with the first line of their docstrings."""
-    found: dict[str, str] = {}
+    meanings: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         if not (issubclass(base, Part) and base is not Part):
             continue
@@ -199,8 +199,8 @@ def _list_derived(cls: type[Part]) -> list[tuple[str, str]]:
                 continue
             answer = function.__annotations__.get("return")
             if (answer if isinstance(answer, str) else getattr(answer, "__name__", "")) in _NUMBERS:
-                found[name] = (function.__doc__ or "").strip().partition("\n")[0].replace("``", "`")
-    return list(found.items())
+                meanings[name] = (function.__doc__ or "").strip().partition("\n")[0].replace("``", "`")
+    return list(meanings.items())
 
 
 def _try_property(part: Any, name: str) -> float | int | None:
@@ -242,8 +242,8 @@ def split_unit(name: str, description: str) -> tuple[str, str]:
 
 def _find_unit(name: str, text: str) -> str:
     """Return the unit of a number: that in brackets in its meaning, or that which its name says; 1 for none."""
-    for found in _BRACKETS.findall(text):
-        if unit := _read_unit(found):
+    for unit_text in _BRACKETS.findall(text):
+        if unit := _read_unit(unit_text):
             return unit
     over, per, under = name.rpartition("_per_")
     if per and over.rpartition("_")[2] in _COUNTED and under in [word.removesuffix("s") for word in _COUNTED]:
@@ -263,11 +263,11 @@ def _drop_units(text: str) -> str:
     return re.sub(r" +([,.;:])", r"\1", " ".join(_BRACKETS.sub(_keep_other, text).split()))
 
 
-def _keep_other(found: re.Match[str]) -> str:
+def _keep_other(match: re.Match[str]) -> str:
     """Return what replaces brackets in a meaning: nothing for a unit, which has a column of its own."""
-    if not _read_unit(found[1]):
-        return found[0]
-    _, comma, more = found[1].partition(",")
+    if not _read_unit(match[1]):
+        return match[0]
+    _, comma, more = match[1].partition(",")
     return f"({more.strip()})" if comma else ""
 
 
@@ -276,9 +276,9 @@ def _plain(value: Any) -> Any:
     if value is None or isinstance(value, str | int | float | datetime.datetime):
         return value
     if isinstance(value, list | tuple):
-        return tuple(_plain(one) for one in value)
+        return tuple(_plain(item) for item in value)
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, Part):
         return _plain(value.model_dump(exclude_none=True))
     return name_object(value)

@@ -45,7 +45,7 @@ class ParameterTable:
         ScenarioError
             If there is none.
         """
-        by_path = {one.path: one for one in self.parameters}
+        by_path = {parameter.path: parameter for parameter in self.parameters}
         if path not in by_path:
             raise ScenarioError(
                 f"'{path}': the scenario has no such parameter{did_you_mean(path, by_path)}; "
@@ -57,12 +57,12 @@ class ParameterTable:
         """Return a text table: path, value with unit, and source."""
         rows = [
             (
-                one.path,
-                f"{_shorten(_format_value(one.value))} {'' if one.unit == '1' else one.unit}".rstrip(),
-                one.source,
+                parameter.path,
+                f"{_shorten(_format_value(parameter.value))} {'' if parameter.unit == '1' else parameter.unit}".rstrip(),
+                parameter.source,
             )
-            for one in self.parameters
-            if one.value is not None
+            for parameter in self.parameters
+            if parameter.value is not None
         ]
         widths = [max(len(row[k]) for row in rows) for k in range(2)]
         return "\n".join(f"{path:<{widths[0]}}  {value:<{widths[1]}}  {source}" for path, value, source in rows)
@@ -72,21 +72,21 @@ class ParameterTable:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(_COLUMNS)
-        for one in self.parameters:
+        for parameter in self.parameters:
             values = (
-                one.path,
-                _format_value(one.value),
-                one.unit,
-                one.meaning,
-                _format_value(one.default),
-                one.source,
+                parameter.path,
+                _format_value(parameter.value),
+                parameter.unit,
+                parameter.meaning,
+                _format_value(parameter.default),
+                parameter.source,
             )
-            writer.writerow([*values, int(one.is_derived)])
+            writer.writerow([*values, int(parameter.is_derived)])
         return text.getvalue()
 
     def json_text(self) -> str:
         """Return all parameters as JSON: a list of objects with the columns of the CSV table."""
-        rows = [{name: getattr(one, name) for name in _COLUMNS} for one in self.parameters]
+        rows = [{name: getattr(parameter, name) for name in _COLUMNS} for parameter in self.parameters]
         return json.dumps({"name": self.name, "parameters": rows}, indent=1, default=str, ensure_ascii=False) + "\n"
 
     def sysml_text(self, more: Iterable[str] = ()) -> str:
@@ -157,7 +157,7 @@ def _format_value(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
-        return f"[{', '.join(_format_value(one) for one in value)}]"
+        return f"[{', '.join(_format_value(item) for item in value)}]"
     if isinstance(value, dict):
         return json.dumps(value, default=str, ensure_ascii=False)
     return str(value)

@@ -85,22 +85,22 @@ def write_model(name: str, parameters: Sequence[MissionParameter], about: str, m
     Keys without a value are left out.
     """
     more = list(more)
-    given = [one for one in parameters if one.value is not None and one.value not in ((), {})]
-    units = {find_notation(one.unit).unit for one in given}
+    given = [parameter for parameter in parameters if parameter.value is not None and parameter.value not in ((), {})]
+    units = {find_notation(parameter.unit).unit for parameter in given}
     lines = [f"package {quote_name(name)} {{", f"    {write_comment(about)}"]
     lines += [f"    private import {library}::*;" for library in _IMPORTS]
     lines += [f"    {line}" for line in declare_units(units | _find_units(more))]
     lines += [f"    part {SYSML_MISSION} {{"]
     here: list[str] = []
-    for one in sorted(given, key=_order_within(given)):
-        *steps, last = one.path.split(".")
+    for parameter in sorted(given, key=_order_within(given)):
+        *steps, last = parameter.path.split(".")
         common = next(
             (k for k, (a, b) in enumerate(zip(here, steps, strict=False)) if a != b), min(len(here), len(steps))
         )
         lines += [f"{'    ' * (2 + k)}}}" for k in reversed(range(common, len(here)))]
         lines += [f"{'    ' * (2 + k)}part {quote_name(steps[k])} {{" for k in range(common, len(steps))]
         here = steps
-        lines += [f"{'    ' * (2 + len(steps))}{line}" for line in _write_attribute(last, one)]
+        lines += [f"{'    ' * (2 + len(steps))}{line}" for line in _write_attribute(last, parameter)]
     lines += [f"{'    ' * (2 + k)}}}" for k in reversed(range(len(here)))]
     return "\n".join([*lines, "    }", *(f"    {line}" for line in more), "}", ""])
 
@@ -108,13 +108,13 @@ def write_model(name: str, parameters: Sequence[MissionParameter], about: str, m
 def _order_within(parameters: Sequence[MissionParameter]) -> Any:
     """Return a key that sorts parameters so that those of one part are together, in the order of first appearance."""
     first: dict[tuple[str, ...], int] = {}
-    for number, one in enumerate(parameters):
-        steps = tuple(one.path.split("."))
+    for number, parameter in enumerate(parameters):
+        steps = tuple(parameter.path.split("."))
         for depth in range(1, len(steps) + 1):
             first.setdefault(steps[:depth], number)
 
-    def key(one: MissionParameter) -> list[tuple[int, int]]:
-        steps = tuple(one.path.split("."))
+    def key(parameter: MissionParameter) -> list[tuple[int, int]]:
+        steps = tuple(parameter.path.split("."))
         return [(int(depth < len(steps)), first[steps[:depth]]) for depth in range(1, len(steps) + 1)]
 
     return key
@@ -122,40 +122,40 @@ def _order_within(parameters: Sequence[MissionParameter]) -> Any:
 
 def _find_units(lines: Iterable[str]) -> set[str]:
     """Return the expressions of units in square brackets in some lines."""
-    return {found for line in lines for found in re.findall(r"\[([^\[\]]+)\]", line)}
+    return {unit for line in lines for unit in re.findall(r"\[([^\[\]]+)\]", line)}
 
 
-def _write_attribute(name: str, one: MissionParameter) -> list[str]:
+def _write_attribute(name: str, parameter: MissionParameter) -> list[str]:
     """Write the attribute usage of a parameter."""
-    notation = find_notation(one.unit)
-    values = list(_flatten(one.value))
-    kind = notation.type if one.unit and notation.unit else _choose_type(values)
-    many = f"[{len(values)}] ordered nonunique" if isinstance(one.value, tuple) else ""
+    notation = find_notation(parameter.unit)
+    values = list(_flatten(parameter.value))
+    kind = notation.type if parameter.unit and notation.unit else _choose_type(values)
+    many = f"[{len(values)}] ordered nonunique" if isinstance(parameter.value, tuple) else ""
     written = [_write_value(value, notation.unit) for value in values]
     text = f"({', '.join(written)})" if many else written[0]
-    unit = f" Unit: {one.unit}." if one.unit not in ("", "1") and not notation.unit else ""
+    unit = f" Unit: {parameter.unit}." if parameter.unit not in ("", "1") and not notation.unit else ""
     return [
         f"attribute {quote_name(name)} : {kind}{many} = {text} {{",
-        f"    {write_comment(f'{one.meaning}{unit} Source: {one.source}.')}",
+        f"    {write_comment(f'{parameter.meaning}{unit} Source: {parameter.source}.')}",
         "}",
     ]
 
 
 def _flatten(value: Any) -> Iterable[Any]:
     if isinstance(value, tuple):
-        for one in value:
-            yield from _flatten(one)
+        for item in value:
+            yield from _flatten(item)
     else:
         yield value
 
 
 def _choose_type(values: list[Any]) -> str:
     """Return the scalar type that all values have."""
-    if all(isinstance(one, bool) for one in values):
+    if all(isinstance(value, bool) for value in values):
         return "Boolean"
-    if all(isinstance(one, int) and not isinstance(one, bool) for one in values):
+    if all(isinstance(value, int) and not isinstance(value, bool) for value in values):
         return "Integer"
-    if all(isinstance(one, int | float) and not isinstance(one, bool) for one in values):
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         return "Real"
     return "String"
 

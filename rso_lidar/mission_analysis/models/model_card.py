@@ -83,9 +83,11 @@ class ModelCard:
         heads = [f"photons at {RANGE_M / units.KM:g} km, {CAMERA}"]
         heads += [word for nm in WAVELENGTHS_NM for word in (f"{nm:g} nm, in all", "brightest pixel")]
         rows = [heads]
-        for side in dict.fromkeys(one.side for one in self.returns):
-            of = [one for one in self.returns if one.side == side]
-            rows.append([side, *(f"{_format_photons(v)}" for one in of for v in (one.photons, one.brightest_photons))])
+        for side in dict.fromkeys(echo.side for echo in self.returns):
+            of = [echo for echo in self.returns if echo.side == side]
+            rows.append(
+                [side, *(f"{_format_photons(v)}" for echo in of for v in (echo.photons, echo.brightest_photons))]
+            )
         return rows
 
     def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
@@ -176,7 +178,8 @@ def _view_width_m(surface: Surface, toward: _Direction, up: _Direction) -> float
 def _list_finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[tuple[float, float, float], ...]]:
     """Return names and colours of the surface's materials."""
     if target.is_path:
-        return tuple(str(getattr(one, "type", "own")) for one in surface.materials), (_GREY,) * len(surface.materials)
+        types = tuple(str(getattr(material, "type", "own")) for material in surface.materials)
+        return types, (_GREY,) * len(types)
     named = model(target.shape).parts
     words = tuple(named.get(part, "") for part in surface.mesh.part_names)
     table = load_materials()
@@ -244,7 +247,7 @@ def _describe_model(target: Target, surface: Surface) -> list[str]:
     if not target.is_path:
         entry = model(target.shape)
         if entry.mass_kg is not None and entry.inertia_kg_m2 is not None:  # a user's own model has neither
-            inertia = ", ".join(f"{one:,.4g}" for one in np.linalg.eigvalsh(np.array(entry.inertia_kg_m2)))
+            inertia = ", ".join(f"{moment:,.4g}" for moment in np.linalg.eigvalsh(np.array(entry.inertia_kg_m2)))
             lines.append(f"{entry.mass_kg:,.4g} kg, principal inertia {inertia} kg m² (estimated)")
         if entry.hinges:
             lines.append("hinges: " + ", ".join(hinge.name for hinge in entry.hinges))

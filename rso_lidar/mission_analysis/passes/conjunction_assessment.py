@@ -74,11 +74,11 @@ class ConjunctionAssessment:
             known = "none: no relative velocity" if self.foster is None else f"{self.foster:.4g}"
             lines.append(f"Pc by Foster     {known}" + _state(message.stated_probability, ".4g", method))
         if self.monte_carlo is not None:
-            found = self.monte_carlo
+            estimate = self.monte_carlo
             lines.append(
-                f"Pc, Monte Carlo  {found.probability:.4g}, standard error {found.standard_error:.2g}, 95 % from "
-                f"{found.low:.3g} to {found.high:.3g} ({found.hits:,} of {found.samples:,} draws, within "
-                f"{found.window_s:,.3g} s of the closest approach)"
+                f"Pc, Monte Carlo  {estimate.probability:.4g}, standard error {estimate.standard_error:.2g}, 95 % from "
+                f"{estimate.low:.3g} to {estimate.high:.3g} ({estimate.hits:,} of {estimate.samples:,} draws, within "
+                f"{estimate.window_s:,.3g} s of the closest approach)"
             )
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
@@ -122,7 +122,7 @@ def assess_conjunction(
     if isinstance(seed, bool) or not isinstance(seed, numbers.Integral) or seed < 0:
         raise ScenarioError(f"seed: {seed!r:.40} is not a seed; give a whole number, 0 or more")
     notes: list[str] = []
-    first, second = (_make_state(message, one, notes) for one in (message.first, message.second))
+    first, second = (_make_state(message, body, notes) for body in (message.first, message.second))
     between = UncertainSeparation.between(first, second)
     miss_m = float(np.linalg.norm(between.position_m))
     rtn = rtn_matrix(first.position_m, first.velocity_m_s)[0]
@@ -134,11 +134,11 @@ def assess_conjunction(
             f"the states are closest {between.closest_s:+.3g} s from the message's time, on straight lines; Foster's "
             "probability holds there"
         )
-    for one, state in ((message.first, first), (message.second, second)):
+    for body, state in ((message.first, first), (message.second, second)):
         sigma_m = math.sqrt(float(np.diag(state.covariance)[:3].max()))
         if 0.0 < sigma_m < _SURE_M:
             notes.append(
-                f"{one.label}: its position is said to be known to {sigma_m:.3g} m, better than precise orbits; as km² the "
+                f"{body.label}: its position is said to be known to {sigma_m:.3g} m, better than precise orbits; as km² the "
                 f"covariance would be that of {1000.0 * sigma_m:.3g} m, and the message has m²"
             )
     radius, source = _choose_radius(message, radius_m)
@@ -181,26 +181,26 @@ def _state(value: float | None, form: str, unit: str) -> str:
     return "" if value is None else f" (message: {value:{form}}{unit})"
 
 
-def _make_state(message: ConjunctionMessage, one: ConjunctionObject, notes: list[str]) -> UncertainState:
+def _make_state(message: ConjunctionMessage, body: ConjunctionObject, notes: list[str]) -> UncertainState:
     """Turn the state of an object to inertial axes, with its covariance."""
-    turn = np.kron(np.eye(2), rtn_matrix(one.position_m, one.velocity_m_s)[0])
-    covariance = turn @ one.covariance_rtn @ turn.T
-    if not one.has_velocity_covariance:
-        notes.append(f"{one.label}: the message gives no covariance of velocity, which counts as known")
+    turn = np.kron(np.eye(2), rtn_matrix(body.position_m, body.velocity_m_s)[0])
+    covariance = turn @ body.covariance_rtn @ turn.T
+    if not body.has_velocity_covariance:
+        notes.append(f"{body.label}: the message gives no covariance of velocity, which counts as known")
         covariance = covariance[:3, :3]
     try:
-        return UncertainState(one.position_m, one.velocity_m_s, covariance)
+        return UncertainState(body.position_m, body.velocity_m_s, covariance)
     except ScenarioError as error:
-        if one.has_velocity_covariance:
+        if body.has_velocity_covariance:
             try:
-                state = UncertainState(one.position_m, one.velocity_m_s, covariance[:3, :3])
+                state = UncertainState(body.position_m, body.velocity_m_s, covariance[:3, :3])
             except ScenarioError:
-                raise ScenarioError(f"{message.where}: {one.label}: {error}") from None
+                raise ScenarioError(f"{message.where}: {body.label}: {error}") from None
             notes.append(
-                f"{one.label}: its 6 x 6 covariance is not positive semidefinite; only the part of the position is used"
+                f"{body.label}: its 6 x 6 covariance is not positive semidefinite; only the part of the position is used"
             )
             return state
-        raise ScenarioError(f"{message.where}: {one.label}: {error}") from None
+        raise ScenarioError(f"{message.where}: {body.label}: {error}") from None
 
 
 def _choose_radius(message: ConjunctionMessage, radius_m: float | None) -> tuple[float | None, str]:
@@ -222,9 +222,9 @@ def _compare(message: ConjunctionMessage, miss_m: float, speed_m_s: float, place
         ("RELATIVE_SPEED", message.stated_speed_m_s, speed_m_s, _ROUNDED_M_S, "m/s"),
     ]
     notes = [
-        f"{name} of the message is {value:,.6g} {unit}, but its states give {found:,.6g} {unit}"
-        for name, value, found, rounded, unit in stated
-        if value is not None and abs(value - found) > rounded + _DIFFERENT * found
+        f"{name} of the message is {value:,.6g} {unit}, but its states give {state_value:,.6g} {unit}"
+        for name, value, state_value, rounded, unit in stated
+        if value is not None and abs(value - state_value) > rounded + _DIFFERENT * state_value
     ]
     position_m = message.stated_position_m
     if position_m is not None:

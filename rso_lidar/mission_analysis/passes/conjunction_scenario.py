@@ -140,12 +140,12 @@ def _choose_time(conjunction: ConjunctionAssessment, reach: float) -> tuple[date
     return start_utc, duration_s, rate_hz
 
 
-def _write_motion(conjunction: ConjunctionAssessment, one: ConjunctionObject) -> str:
+def _write_motion(conjunction: ConjunctionAssessment, body: ConjunctionObject) -> str:
     """Write the motion of an object from its state at the closest approach."""
     return write_part(
         State(
             epoch_utc=conjunction.message.tca_utc,
-            position_m=tuple(one.position_m.tolist()),
-            velocity_m_s=tuple(one.velocity_m_s.tolist()),
+            position_m=tuple(body.position_m.tolist()),
+            velocity_m_s=tuple(body.velocity_m_s.tolist()),
         )
     )

@@ -59,7 +59,9 @@ def check_constraints(
     together = table["range_m"] < TOGETHER_M
 
     def check_limit(limit: float | None, kept: np.ndarray, applies: np.ndarray) -> list[bool | None]:
-        return [bool(one) if limit is not None and there else None for one, there in zip(kept, applies, strict=True)]
+        return [
+            bool(is_kept) if limit is not None and there else None for is_kept, there in zip(kept, applies, strict=True)
+        ]
 
     angle_deg, inside, applies, within = (np.full(count, value) for value in (math.nan, True, False, False))
     worst = np.full(count, -math.inf)

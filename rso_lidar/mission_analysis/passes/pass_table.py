@@ -166,7 +166,7 @@ class Encounters:
     def has_element_sets(self) -> bool:
         """Whether some row has the error of an element set, or there is no row."""
         ages = [(row.age_days, row.follower_age_days) for row in self.rows]
-        return not ages or not all(math.isnan(one) and math.isnan(other) for one, other in ages)
+        return not ages or not all(math.isnan(age_days) and math.isnan(other) for age_days, other in ages)
 
     def _describe_accuracy(self) -> list[str]:
         """Describe how good the objects' motions are."""

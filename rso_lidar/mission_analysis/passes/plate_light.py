@@ -142,7 +142,7 @@ class PlateLight:
         range_m, rate_m_s : (instant) range [m] and range rate [m/s]
         sunlight_per_s : (instant) sunlight in a pixel [photons/s]
         """
-        found = np.zeros(len(range_m))
+        probability = np.zeros(len(range_m))
         traits = self.lidar.detector.traits
         photons = self.count_photons(range_m)
         near_m, far_m = (_GATED_NEAR_M, math.inf) if traits.is_gated else (traits.sees_from_m, traits.sees_to_m)
@@ -155,10 +155,10 @@ class PlateLight:
             pixels = np.maximum(self.count_pixels(range_m[lot]).astype(np.int64), 1)
             enough = pixels >= self.finding.pixels
             each = np.clip(of_pixel, 0.0, 1.0)
-            found[lot] = np.where(
+            probability[lot] = np.where(
                 enough, k_of_n(each, self.finding.pixels, np.maximum(pixels, self.finding.pixels)), 0.0
             )
-        return found
+        return probability
 
     def _find_in_pixel(
         self, photons: np.ndarray, range_m: np.ndarray, rate_m_s: np.ndarray, sunlight_per_s: np.ndarray
@@ -179,15 +179,15 @@ class PlateLight:
                 depth_spread_s=spread_s,
                 background_photons_per_s=sunlight_per_s[None] if self.has_sunlight else None,
             )
-            found = report_probability(detector, light, np.ones(len(photons), dtype=bool))
-            if found is not None:
-                return found
+            probability = report_probability(detector, light, np.ones(len(photons), dtype=bool))
+            if probability is not None:
+                return probability
         # a gate is placed about the plate at any range; sunlight is not counted here
         reported = predict(detector, self.lidar.pulse, photons, spread_s, only_probability=True).probability
         quiet: np.ndarray = reported * (1.0 - false_alarm_probability(detector, range_m))
         return quiet
 
-    def find_over_stay(self, time_s: np.ndarray, found: np.ndarray) -> float:
+    def find_over_stay(self, time_s: np.ndarray, probability: np.ndarray) -> float:
         """Return the probability that the plate is found at all, the mean over the phase of the flashes.
 
         Flashes are independent. Where `finding` asks for k of n flashes, the stay is divided into groups of n.
@@ -195,10 +195,10 @@ class PlateLight:
         Parameters
         ----------
         time_s : (instant) ascending times [s]
-        found : (instant) probability that one flash finds it, 0 where it cannot be looked at
+        probability : (instant) probability that one flash finds it, 0 where it cannot be looked at
         """
         finding = self.finding
-        group = np.clip(k_of_n(found, finding.needed, finding.flashes), 0.0, 1.0 - _CERTAIN)
+        group = np.clip(k_of_n(probability, finding.needed, finding.flashes), 0.0, 1.0 - _CERTAIN)
         missed = np.log1p(-group)
         if not missed.any():
             return 0.0
@@ -258,7 +258,7 @@ def tabulate_light(
         "detection_probability": flash[each, middle],
         "best_probability": looked.max(axis=1),
         "found_probability": np.array(
-            [light.find_over_stay(times, found) for times, found in zip(time_s, looked, strict=True)]
+            [light.find_over_stay(times, probability) for times, probability in zip(time_s, looked, strict=True)]
         ),
     }
     together = apart[each, middle] < TOGETHER_M  # one object under two names: there is nothing to see

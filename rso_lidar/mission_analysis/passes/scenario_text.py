@@ -148,7 +148,7 @@ def _write_ages(row: Encounter) -> list[str]:
     ]
     if known:
         who = "Both fly by element sets" if len(known) == 2 else f"The {next(iter(known))} flies by an element set"
-        parts = ", ".join(f"the {one}'s {_format_age(days)}" for one, days in known.items())
+        parts = ", ".join(f"the {role}'s {_format_age(days)}" for role, days in known.items())
         lines += [
             f"# {who}, which are good to about a kilometre at their epochs and worse away from them:",
             f"# {parts} the closest approach.",

@@ -113,24 +113,26 @@ def encounters(
         follower = load_follower(str(follower), trust_code=trust_code, trust_fmu=trust_fmu)
     found_objects = collect_objects(catalog, trust_code=trust_code, trust_fmu=trust_fmu)
     lead: Any = None
-    found: ScreeningResult | PairScreening
+    screening: ScreeningResult | PairScreening
     if follower is None:
         others = _group_by_object(found_objects.entries)
         if len(others) < 2:
             label, why = next(iter(found_objects.problems), (found_objects.where, "no other object is there"))
             raise CatalogError(f"{label}: {why}; all pairs need two or more objects, and {len(others)} can be used")
-        found = screen_pairs(others, start_utc, days * units.DAY_S, within_m)
+        screening = screen_pairs(others, start_utc, days * units.DAY_S, within_m)
     else:
         own = _choose_follower(found_objects, follower, catalog)
         lead = own[0]
         if isinstance(lead, ElementSet):
             lead = min(own, key=lambda entry: abs((entry.epoch_utc - start_utc).total_seconds()))
         others = _group_by_object([entry for entry in found_objects.entries if not _is_same(entry, lead)])
-        found = screen(own if isinstance(lead, ElementSet) else lead, others, start_utc, days * units.DAY_S, within_m)
-        _warn_of_age(found, lead)
+        screening = screen(
+            own if isinstance(lead, ElementSet) else lead, others, start_utc, days * units.DAY_S, within_m
+        )
+        _warn_of_age(screening, lead)
     reach = reach_m(lidar)
     rows = fold_docked(
-        found, sorted(build_encounters(found, reach, max_slew_deg_s, light, constraints), key=_KEYS[sort])
+        screening, sorted(build_encounters(screening, reach, max_slew_deg_s, light, constraints), key=_KEYS[sort])
     )
     rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)]
     return Encounters(
@@ -144,9 +146,9 @@ def encounters(
         max_slew_deg_s=max_slew_deg_s,
         reach_m=reach,
         screened=len(others),
-        rejected=(*found_objects.problems, *found.rejected),
+        rejected=(*found_objects.problems, *screening.rejected),
         constraints=constraints,
-        switching=found.objects.switching + (0 if lead is None else found.follower.switching),
+        switching=screening.objects.switching + (0 if lead is None else screening.follower.switching),
         light=light,
     )
 
@@ -188,10 +190,10 @@ def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> lis
     """Return the element sets of the follower, or its trajectory."""
     if isinstance(follower, ElementSet | NamedTrajectory):
         return [follower]
-    if isinstance(follower, list | tuple) and follower and all(isinstance(one, ElementSet) for one in follower):
+    if isinstance(follower, list | tuple) and follower and all(isinstance(entry, ElementSet) for entry in follower):
         return list(follower)
     if isinstance(follower, Trajectory):
-        known = (one for one in objects.entries if getattr(one, "trajectory", None) is follower)
+        known = (entry for entry in objects.entries if getattr(entry, "trajectory", None) is follower)
         return [next(known, NamedTrajectory("follower", follower))]
     if isinstance(follower, bool) or not isinstance(follower, str | numbers.Integral):
         raise ScenarioError(
@@ -200,9 +202,9 @@ def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> lis
     return objects.find(follower if isinstance(follower, str) else int(follower), catalog)
 
 
-def _warn_of_age(found: ScreeningResult, lead: Any) -> None:
+def _warn_of_age(screening: ScreeningResult, lead: Any) -> None:
     """Warn if the follower is propagated far from the epoch of its element set."""
-    age_days, oldest = found.follower.oldest(0)
+    age_days, oldest = screening.follower.oldest(0)
     if age_days > STALE_DAYS:
         warnings.warn(
             f"follower {lead.label}: flown up to {age_days:.1f} days from its epoch {oldest.epoch_utc:%Y-%m-%dT%H:%MZ}: "
@@ -219,7 +221,7 @@ def _is_same(entry: Any, lead: Any) -> bool:
             return True
         if not (isinstance(entry, NamedTrajectory) and isinstance(lead, NamedTrajectory) and entry.source):
             return False
-        first, second = (one.name_in_source or one.name for one in (entry, lead))
+        first, second = (candidate.name_in_source or candidate.name for candidate in (entry, lead))
         return (entry.source, first) == (lead.source, second)
     return entry is lead or (entry.identity == lead.identity and any(lead.identity))
 

@@ -71,10 +71,15 @@ class SearchObjects:
             read = read_element_sets(source) if is_catalog_file(source) else []
             for entry in filter(matches, read):
                 raise CatalogError(f"follower: {entry.problem}")
-            known = {(str(one.norad_id) if text.isdigit() else one.name.casefold()): one for one in self.entries}
+            known = {
+                (str(listed_object.norad_id) if text.isdigit() else listed_object.name.casefold()): listed_object
+                for listed_object in self.entries
+            }
             guess = did_you_mean(text.casefold(), filter(None, known))
-            for key, one in known.items() if guess else ():
-                guess = guess.replace(f"'{key}'?", f"'{one.norad_id if text.isdigit() else one.name}'?")
+            for key, listed_object in known.items() if guess else ():
+                guess = guess.replace(
+                    f"'{key}'?", f"'{listed_object.norad_id if text.isdigit() else listed_object.name}'?"
+                )
             held = f"{len(self.entries):,} element sets"
             if not all(isinstance(entry, ElementSet) for entry in self.entries):
                 held = f"{len(self.entries):,} element sets and trajectories"
@@ -107,32 +112,34 @@ def collect_objects(source: Any, *, trust_code: bool = False, trust_fmu: bool = 
     CatalogError
         For what is none of these.
     """
-    found = SearchObjects(trust_code=trust_code, trust_fmu=trust_fmu)
+    objects = SearchObjects(trust_code=trust_code, trust_fmu=trust_fmu)
     if isinstance(source, str | os.PathLike):
-        found.where = str(os.fspath(source))
-        _add_file(found, os.fspath(source))
+        objects.where = str(os.fspath(source))
+        _add_file(objects, os.fspath(source))
     elif isinstance(source, bytes) or not isinstance(source, Iterable):
         raise CatalogError(
             f"catalogue: {quote_value(source)} is not a catalogue; give a path, a catalogue or element sets"
         )
     elif isinstance(source, Mapping):
-        found.entries += [_name(str(name), entry) for name, entry in source.items()]
+        objects.entries += [_name(str(name), entry) for name, entry in source.items()]
     else:
-        _add_entries(found, source)
-        _add_problems(found, source)
-    found.entries = _distinguish(found.entries)
-    bad = [one for one in found.entries if isinstance(one, ElementSet) and one.problem is not None]
-    found.problems = [(one.label, str(one.problem)) for one in bad] + found.problems
-    found.entries = [one for one in found.entries if not (isinstance(one, ElementSet) and one.problem is not None)]
-    return found
+        _add_entries(objects, source)
+        _add_problems(objects, source)
+    objects.entries = _distinguish(objects.entries)
+    bad = [entry for entry in objects.entries if isinstance(entry, ElementSet) and entry.problem is not None]
+    objects.problems = [(element_set.label, str(element_set.problem)) for element_set in bad] + objects.problems
+    objects.entries = [
+        entry for entry in objects.entries if not (isinstance(entry, ElementSet) and entry.problem is not None)
+    ]
+    return objects
 
 
 def _distinguish(entries: list[Any]) -> list[Any]:
     """Put the name of the file before the name of a trajectory, where those of several files have that name."""
     files: dict[str, set[str]] = {}
-    for one in entries:
-        if isinstance(one, NamedTrajectory):
-            files.setdefault(one.name, set()).add(one.source)
+    for entry in entries:
+        if isinstance(entry, NamedTrajectory):
+            files.setdefault(entry.name, set()).add(entry.source)
     stems: dict[str, set[str]] = {}
     for source in set().union(*files.values()):
         stems.setdefault(Path(source).stem, set()).add(source)
@@ -142,25 +149,25 @@ def _distinguish(entries: list[Any]) -> list[Any]:
         for source in sources
     }
     return [
-        replace(one, name=f"{shown[one.source]} {one.name}", name_in_source=one.name)
-        if isinstance(one, NamedTrajectory) and one.source and len(files[one.name]) > 1
-        else one
-        for one in entries
+        replace(entry, name=f"{shown[entry.source]} {entry.name}", name_in_source=entry.name)
+        if isinstance(entry, NamedTrajectory) and entry.source and len(files[entry.name]) > 1
+        else entry
+        for entry in entries
     ]
 
 
-def _add_entries(found: SearchObjects, source: Iterable[Any]) -> None:
+def _add_entries(objects: SearchObjects, source: Iterable[Any]) -> None:
     read = set[str]()
     for entry in source:
         if isinstance(entry, str | os.PathLike):
             path = _resolve(os.fspath(entry))
             if path not in read:  # a file that is given twice holds the same objects
                 read.add(path)
-                _add_file(found, os.fspath(entry))
+                _add_file(objects, os.fspath(entry))
         elif isinstance(entry, ElementSet | NamedTrajectory):
-            found.entries.append(entry)
+            objects.entries.append(entry)
         elif isinstance(entry, Trajectory):
-            found.entries.append(NamedTrajectory(f"trajectory {len(found.entries) + 1}", entry))
+            objects.entries.append(NamedTrajectory(f"trajectory {len(objects.entries) + 1}", entry))
         else:
             raise CatalogError(
                 f"catalogue: {quote_value(entry)} in it is not an element set; read the sets with Catalog, or give objects "
@@ -178,32 +185,32 @@ def _name(name: str, entry: Any) -> Any:
     return NamedTrajectory(name, entry)
 
 
-def _add_problems(found: SearchObjects, source: Any) -> None:
+def _add_problems(objects: SearchObjects, source: Any) -> None:
     other = (problem.rpartition(": ") for problem in getattr(source, "problems", ()))
-    found.problems += [(place, what) for place, _, what in other]
+    objects.problems += [(place, what) for place, _, what in other]
 
 
-def _add_file(found: SearchObjects, path: Any) -> None:
+def _add_file(objects: SearchObjects, path: Any) -> None:
     """Add the objects of a file: bodies of a scenario, objects of an ephemeris, the state of an OPM, or element sets."""
     text = str(path)
     kind = _find_kind(text)
     if kind == "scenario":
-        scenario = Scenario.load(text, trust_code=found.trust_code, trust_fmu=found.trust_fmu)
+        scenario = Scenario.load(text, trust_code=objects.trust_code, trust_fmu=objects.trust_fmu)
         orbiting = [body for body in scenario.bodies if body.orbits]
         for body in orbiting or scenario.bodies:
-            found.entries.append(_name_body(text, scenario, body.name))
+            objects.entries.append(_name_body(text, scenario, body.name))
     elif kind == "ephemeris":
         names = list_ephemeris_objects(text)
         for name in names:
-            found.entries.append(NamedTrajectory(name, Ephemeris(file=text, object=name), source=_resolve(text)))
+            objects.entries.append(NamedTrajectory(name, Ephemeris(file=text, object=name), source=_resolve(text)))
         if not names:
-            found.entries.append(NamedTrajectory(Path(text).stem, Ephemeris(file=text), source=_resolve(text)))
+            objects.entries.append(NamedTrajectory(Path(text).stem, Ephemeris(file=text), source=_resolve(text)))
     elif kind == "state":
-        found.entries.append(NamedTrajectory(Path(text).stem, read_opm(text), source=_resolve(text)))
+        objects.entries.append(NamedTrajectory(Path(text).stem, read_opm(text), source=_resolve(text)))
     else:
         catalog = Catalog.from_file(path)
-        found.entries += list(catalog)
-        _add_problems(found, catalog)
+        objects.entries += list(catalog)
+        _add_problems(objects, catalog)
 
 
 def _name_body(path: str, scenario: Scenario, name: str) -> NamedTrajectory:

@@ -111,7 +111,7 @@ def build_packets(
             "step": "SYSTEM_CLOCK_MULTIPLIER",
         },
     }
-    made: list[dict[str, Any]] = [document]
+    packets: list[dict[str, Any]] = [document]
     for k, body in enumerate(bodies):
         colour = {"rgba": [*COLOURS[k % len(COLOURS)], 255]}
         packet: dict[str, Any] = {
@@ -142,14 +142,14 @@ def build_packets(
         }
         if body.itrs_from_body is not None:
             packet["orientation"] = _orientation(at_s, body.itrs_from_body[chosen], start_utc)
-        made.append(packet)
-    made += [_line(f"{a}-{b}", a, b, span, (*_grey(), 160), 1) for a, b in lines]
+        packets.append(packet)
+    packets += [_line(f"{a}-{b}", a, b, span, (*_grey(), 160), 1) for a, b in lines]
     for beam in beams:
         tip = f"{beam.name} tip"
         position = _position(at_s, beam.tip_m[chosen], start_utc, degree=1)
-        made.append({"id": tip, "availability": span, "position": position})
-        made.append(_line(beam.name, beam.of, tip, span, (*BEAM, 220), 2))
-    return made
+        packets.append({"id": tip, "availability": span, "position": position})
+        packets.append(_line(beam.name, beam.of, tip, span, (*BEAM, 220), 2))
+    return packets
 
 
 def write_czml(path: str | os.PathLike[str], document: Sequence[dict[str, Any]]) -> Path:

@@ -148,8 +148,10 @@ def _find_jumps_s(scenario: Scenario, body: motion.Body) -> set[float]:
     """Find the instants [s] at which the velocity of a body jumps."""
     flight = find_flight(body, scenario.bodies, scenario.time.start_utc)
     if flight is not None:
-        return {one.at_s for one in flight.list_maneuvers(scenario.span[1]) if isinstance(one, orbit.Impulse)}
-    planned = {float(one.time_s) for one in list_commands(body, scenario.bodies, *scenario.span)}
+        return {
+            maneuver.at_s for maneuver in flight.list_maneuvers(scenario.span[1]) if isinstance(maneuver, orbit.Impulse)
+        }
+    planned = {float(command.time_s) for command in list_commands(body, scenario.bodies, *scenario.span)}
     return planned | set(getattr(body.motion, "impulses_s", ()))
 
 
@@ -160,9 +162,9 @@ def find_umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:
     ends = orbit.Epochs(scenario.time.start_utc, np.array([0.0, max(scenario.span[1], 1.0)]))
     return {
         body.name: [
-            (one.umbra_from_s, one.umbra_to_s)
-            for one in find_eclipses(Chief(scenario.bodies, body.name), ends)
-            if one.is_total
+            (eclipse.umbra_from_s, eclipse.umbra_to_s)
+            for eclipse in find_eclipses(Chief(scenario.bodies, body.name), ends)
+            if eclipse.is_total
         ]
         for body in scenario.bodies
         if body.orbits

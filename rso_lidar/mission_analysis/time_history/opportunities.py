@@ -48,10 +48,10 @@ class DetectionCurve:
         """Return the probability (…) for expected photons (…)."""
         logs = np.log10(np.maximum(photons, 1e-12))
         low = self.probability[0] * np.minimum(photons / 10.0 ** self.log_photons[0], 1.0)
-        found: np.ndarray = np.where(
+        probability: np.ndarray = np.where(
             logs < self.log_photons[0], low, np.interp(logs, self.log_photons, self.probability)
         )
-        return found
+        return probability
 
 
 def find_detection_curve(lidar: Lidar) -> DetectionCurve:
@@ -93,14 +93,14 @@ def find_opportunities(
     curve = find_detection_curve(scenario.instrument)
     most_rays = _MOST_RAYS / max(len(rows), 1)
 
-    def one(row: int) -> DetectionOpportunity:
+    def evaluate_row(row: int) -> DetectionOpportunity:
         if not box_pixels[row] > 0.0:
             return NO_OPPORTUNITY
         finest = math.isqrt(max(int(most_rays / box_pixels[row]), 1))
         return _evaluate_flash(scenario, truth.at(row), target, finest, curve)
 
     with ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="glimpse") as threads:
-        return list(threads.map(one, rows))
+        return list(threads.map(evaluate_row, rows))
 
 
 def _evaluate_flash(
@@ -123,13 +123,13 @@ def _evaluate_flash(
     watched &= (range_m >= detector.traits.sees_from_m) & (range_m <= detector.traits.sees_to_m)
     n_pixels = light.shape[0] * light.shape[1]
     gain = array_load(detector, light).gain[seen.pixel]  # a lower gain reduces the signal like fewer photons do
-    found = curve(gain * np.bincount(light.pixel[watched], light.photons[watched], n_pixels)[seen.pixel])
+    probability = curve(gain * np.bincount(light.pixel[watched], light.photons[watched], n_pixels)[seen.pixel])
     return DetectionOpportunity(
         target_pixels=int(seen.pixel.size),
         filled_pixels=seen.filled_pixels,
         brightest_photons=float(seen.photons.max()),
         median_photons=float(np.median(seen.photons)),
-        detection_probability=float(found.max()),
-        expected_returns=float(found.sum()),
+        detection_probability=float(probability.max()),
+        expected_returns=float(probability.sum()),
         found_probability=find_probability(lidar, seen, scenario.finding, tried=_FLASHES),
     )

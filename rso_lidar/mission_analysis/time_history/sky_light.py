@@ -34,11 +34,11 @@ def tabulate_sky(scenario: Scenario, truth: Truth, frames: np.ndarray) -> dict[s
         return table
     rows = np.unique(np.linspace(0, frames.size - 1, _MOST).round().astype(int))
 
-    def one(row: int) -> np.ndarray:
+    def find_light(row: int) -> np.ndarray:
         return find_sky_light(scenario, truth.at(row))
 
     with ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="sky") as threads:
-        light = np.array(list(threads.map(one, rows.tolist())))
+        light = np.array(list(threads.map(find_light, rows.tolist())))
     names = [*(f"{body}_veil_photons_per_s" for body in STRAY_BODIES), "sky_image_photons_per_s"]
     known = dict(zip(names, light.T, strict=True))
     return table | {name: np.interp(np.arange(frames.size), rows, values) for name, values in known.items()}

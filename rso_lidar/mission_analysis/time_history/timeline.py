@@ -144,7 +144,7 @@ def count_frames_between(scenario: Scenario, every_s: float | None) -> int:
 
 
 def _find_target(scenario: Scenario, target: str | None) -> int:
-    names = [one.name for one in scenario.target]
+    names = [candidate.name for candidate in scenario.target]
     if not names:
         raise ScenarioError("timeline: the scenario has no target; add a [[target]]")
     if target is not None and target not in names:
@@ -197,7 +197,8 @@ def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[Ptu
     response = scenario.ptu.response
     most_rad_s = getattr(response, "max_rate_rad_s", np.inf)
     demand, actual, rate = (
-        np.stack([getattr(one, name) for one in angles]) for name in ("demand_rad", "actual_rad", "rate_rad_s")
+        np.stack([getattr(ptu_angles, name) for ptu_angles in angles])
+        for name in ("demand_rad", "actual_rad", "rate_rad_s")
     )
     world: dict[str, Any] = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
     with scenario.locate_errors():
@@ -240,16 +241,18 @@ def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -
     within = _clip_bounds(*_project_bounds(scenario, truth, None), edge)[1]
     cast = np.unique(np.linspace(0, time_s.size - 1, casts).round().astype(int))
     everything = np.prod(within, axis=1) / pitch**2
-    made = find_opportunities(scenario, truth, cast.tolist(), number, np.where(box_pixels > 0.0, everything, 0.0))
+    opportunities = find_opportunities(
+        scenario, truth, cast.tolist(), number, np.where(box_pixels > 0.0, everything, 0.0)
+    )
 
     range_m = np.linalg.norm(np.broadcast_to(truth.poses.link("lidar", name).translation_m, (time_s.size, 3)), axis=-1)
     white = np.array(
         [
-            filled_pixel_photons(one.laser, one.receiver, _WHITE_PER_SR, max(r, 1e-3))
-            for one, r in zip(lidars, range_m, strict=True)
+            filled_pixel_photons(lidar.laser, lidar.receiver, _WHITE_PER_SR, max(r, 1e-3))
+            for lidar, r in zip(lidars, range_m, strict=True)
         ]
     )
-    carried = _interpolate_opportunities(made, cast, time_s, box_pixels, white)
+    carried = _interpolate_opportunities(opportunities, cast, time_s, box_pixels, white)
     sides = np.where(np.isfinite(sides), sides, 2.0 * edge)
     span = np.where(box_pixels[:, None] > 0.0, sides / pitch[:, None], 0.0)
     share = inside / np.where(sides > 0.0, sides, np.inf)
@@ -262,20 +265,24 @@ def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -
 
 
 def _interpolate_opportunities(
-    made: list[DetectionOpportunity], cast: np.ndarray, time_s: np.ndarray, box_pixels: np.ndarray, white: np.ndarray
+    opportunities: list[DetectionOpportunity],
+    cast: np.ndarray,
+    time_s: np.ndarray,
+    box_pixels: np.ndarray,
+    white: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """Interpolate opportunities to all frames, relative to bounds and to a white pixel's light, linearly in time.
 
     Parameters
     ----------
-    made : opportunities at the frames of `cast`
+    opportunities : at the frames of `cast`
     cast : indices of those frames
     time_s : (time) times of all frames [s]
     box_pixels : (time) area of the target's bounds in the field [pixels]
     white : (time) photons of a filled white pixel at the target's range
     """
     seen = {
-        field: np.array([getattr(one, field) for one in made], dtype=float)
+        field: np.array([getattr(opportunity, field) for opportunity in opportunities], dtype=float)
         for field in DetectionOpportunity.__dataclass_fields__
     }
     scale = {

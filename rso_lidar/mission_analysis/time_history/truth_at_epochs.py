@@ -53,13 +53,13 @@ def truth(
         else:
             at = orbit.Epochs(start_utc, np.asarray(epochs))
         with scenario.locate_errors():
-            found = motion.truth(scenario.bodies, at, local=scenario.is_local, sun_direction=world.sun_direction)
+            body_truth = motion.truth(scenario.bodies, at, local=scenario.is_local, sun_direction=world.sun_direction)
             ptu = scenario.pan_tilt
             still = np.zeros((len(at), 2))
-            pan_tilt_rad = still if ptu is None else motion.compute_demand(ptu, scenario.bodies, found)
-        poses = motion.add_lidar(found.poses, ptu, pan_tilt_rad, still, scenario.lidar.mount)
-        return Truth(found.time_s, poses, found.states, found.sun_direction, None, found.sunlit)
-    if not isinstance(scenario, list | tuple) or not all(hasattr(one, "motion") for one in scenario):
+            pan_tilt_rad = still if ptu is None else motion.compute_demand(ptu, scenario.bodies, body_truth)
+        poses = motion.add_lidar(body_truth.poses, ptu, pan_tilt_rad, still, scenario.lidar.mount)
+        return Truth(body_truth.time_s, poses, body_truth.states, body_truth.sun_direction, None, body_truth.sunlit)
+    if not isinstance(scenario, list | tuple) or not all(hasattr(body, "motion") for body in scenario):
         raise ScenarioError("truth: needs a Scenario, or a list of bodies; Scenario.load reads a file")
     if not isinstance(epochs, orbit.Epochs):
         raise ScenarioError("truth: bodies alone have no start_utc; give rl.orbit.Epochs(start_utc, seconds)")

@@ -201,7 +201,7 @@ def draw_trajectory(scenario: Scenario, flown: Truth, target: str | None = None)
     return picture.orbit_figure(
         flown,
         target,
-        impulses=[(one.time_s, one.delta_v_m_s) for one in commands],
+        impulses=[(command.time_s, command.delta_v_m_s) for command in commands],
         keep_out_m=getattr(scenario.bodies[-1].motion, "keep_out_m", 0.0) or None,
         delta_v_m_s=plan.delta_v_m_s,
         title=scenario.name,

@@ -135,7 +135,10 @@ def _advise_on_window(mission: Mission, preview: Preview) -> list[str]:
     lines = []
     for geometry in preview.targets:
         traits = [mission.lidar.at(float(time_s)).detector.traits for time_s in preview.time_s]
-        opens, closes = (np.array([getattr(one, name) for one in traits]) for name in ("sees_from_m", "sees_to_m"))
+        opens, closes = (
+            np.array([getattr(detector_traits, name) for detector_traits in traits])
+            for name in ("sees_from_m", "sees_to_m")
+        )
         outside = (geometry.range_m < opens) | (geometry.range_m > closes)
         near, far = float(geometry.range_m.min()), float(geometry.range_m.max())
         if traits[0].is_gated:

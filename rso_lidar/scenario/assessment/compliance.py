@@ -104,7 +104,7 @@ def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview
     if not spans:
         return []
     clipped = [(max(begins, start_s), min(ends, end_s)) for begins, ends in spans]
-    when_s, nearest_m = min((find_minimum(distance_m, *span) for span in clipped), key=lambda found: found[1])
+    when_s, nearest_m = min((find_minimum(distance_m, *span) for span in clipped), key=lambda minimum: minimum[1])
     inside = ", from the first frame on" if spans[0][0] < start_s else f", first at {clipped[0][0]:.3f} s"
     outside = " outside of its corridor" if corridors else ""
     return [

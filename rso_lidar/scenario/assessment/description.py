@@ -69,7 +69,7 @@ def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, pr
     target, surfaces = mission.target[number], mission.surfaces_of(number)
     surface = surfaces[0]
     corners = mission.corners_of(number).reshape(-1, 3)
-    facets = sum(len(one.facets) for one in surfaces)
+    facets = sum(len(part_surface.facets) for part_surface in surfaces)
     sides = " x ".join(f"{side:.2f}" for side in corners.max(axis=0) - corners.min(axis=0))
     dropped = f", {surface.mesh.degenerate} degenerate dropped" if surface.mesh.degenerate else ""
     dropped += f", {surface.mesh.left_out} left out" if surface.mesh.left_out else ""
@@ -216,7 +216,7 @@ def _describe_detection(mission: Mission) -> list[str]:
     photons = detector.find_photons(lidar.detector, lidar.pulse, np.array([0.5, 0.95]))
     if photons is None:
         return []
-    half, most = (f"{one:,.3g}" if one < 100.0 else f"{one:,.0f}" for one in photons)
+    half, most = (f"{n_photons:,.3g}" if n_photons < 100.0 else f"{n_photons:,.0f}" for n_photons in photons)
     words = [
         f"{share} % of the returns of {count} photons" for share, count in ((50, half), (95, most)) if count != "inf"
     ]
@@ -240,34 +240,34 @@ def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[st
         across = geometry.across_m[row] / pixel_m
         size = f"{across:.0f}" if across >= 10.0 else f"{across:.1f}"
         casts = cast_attitudes(mission, preview, number, row)
-        fill = float(np.mean([one.brightest_fill for one in casts]))
+        fill = float(np.mean([cast.brightest_fill for cast in casts]))
         chosen = [try_pixels(mission, casts, share, time_s) for share in (0.5, 1.0)]
-        probability = _join_ends([f"{one.probability:.3f}" for one in chosen])
-        noise = _join_ends([_format_range_noise(one) for one in chosen])
+        probability = _join_ends([f"{trial.probability:.3f}" for trial in chosen])
+        noise = _join_ends([_format_range_noise(trial) for trial in chosen])
         shift = _format_range_bias(chosen[1])
         alike = f"mean of {len(casts)} attitudes" if len(casts) > 1 else "one attitude"
         lines.append(
             f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, target {size} pixels across, fills {fill:.0%} of its "
             f"brightest pixel; {_format_photons(casts)}, P(detect) {probability}, range noise {noise}{shift} ({alike})"
         )
-        found = _describe_finding(mission, preview, number, row)
-        lines.append(f"  {'':<9} {found}; {_describe_sampling_error(casts)}")
+        finding = _describe_finding(mission, preview, number, row)
+        lines.append(f"  {'':<9} {finding}; {_describe_sampling_error(casts)}")
     return lines
 
 
 def _describe_finding(mission: Mission, preview: Preview, number: int, row: int) -> str:
     """Describe with which probability a target is found about one epoch."""
-    found = find_in_run(mission, preview, number, row, _PLACES)
-    spread = f", {found.min():.2f} to {found.max():.2f}" if np.ptp(found) > 0.01 else ""
+    probability = find_in_run(mission, preview, number, row, _PLACES)
+    spread = f", {probability.min():.2f} to {probability.max():.2f}" if np.ptp(probability) > 0.01 else ""
     places = f"{_PLACES} attitudes and places in the pixel grid{spread}"
     dark = ", without sunlight" if mission.lidar.receiver.filter_width_nm is not None else ""
-    return f"P(found) {found.mean():.3f}: {mission.finding.describe()} ({places}{dark})"
+    return f"P(found) {probability.mean():.3f}: {mission.finding.describe()} ({places}{dark})"
 
 
 def _describe_sampling_error(casts: Sequence[TargetReturns]) -> str:
     """Describe how well rays know the photons of the pixels: the median over attitudes, weighted by light."""
-    errors = [one.sampling_error for one in casts if one.sampling_error is not None]
-    rays = np.mean([len(one.hits.rays.pixel) for one in casts])
+    errors = [cast.sampling_error for cast in casts if cast.sampling_error is not None]
+    rays = np.mean([len(cast.hits.rays.pixel) for cast in casts])
     error = float(np.median(errors)) if errors else math.nan
     known = f"known to {100.0 * error:.1f} % (rms by light)" if error < 1.0 else "unknown"
     if error >= 1.0:  # the error of a glint that one ray in thousands meets is no number to calculate with
@@ -277,7 +277,7 @@ def _describe_sampling_error(casts: Sequence[TargetReturns]) -> str:
 
 def _format_photons(casts: Sequence[TargetReturns]) -> str:
     """Format the photons of the median and the brightest pixel: medians over attitudes, and their spread."""
-    median, brightest = (np.array([one.photons_at(share) for one in casts]) for share in (0.5, 1.0))
+    median, brightest = (np.array([cast.photons_at(share) for cast in casts]) for share in (0.5, 1.0))
     text = _join_ends([_format_count(np.median(values)) for values in (median, brightest)]) + " photons"
     if len(casts) < 2:
         return text
@@ -294,16 +294,16 @@ def _join_ends(texts: Sequence[str]) -> str:
     return " to ".join(dict.fromkeys(texts))
 
 
-def _format_range_noise(made: Trial) -> str:
+def _format_range_noise(trial: Trial) -> str:
     """Format the range noise, or "none" for few reports, most of which are false alarms."""
-    return f"{made.range_noise_m / units.CM:.1f} cm" if len(made.range_error_m) >= _FEWEST_REPORTS else "none"
+    return f"{trial.range_noise_m / units.CM:.1f} cm" if len(trial.range_error_m) >= _FEWEST_REPORTS else "none"
 
 
-def _format_range_bias(made: Trial) -> str:
+def _format_range_bias(trial: Trial) -> str:
     """Format the mean range error where it exceeds a tenth of the range noise and four standard errors; else nothing."""
-    if len(made.range_error_m) < _FEWEST_REPORTS:
+    if len(trial.range_error_m) < _FEWEST_REPORTS:
         return ""
-    standard_error_m = made.range_noise_m / math.sqrt(len(made.range_error_m))
-    if abs(made.range_bias_m) < max(0.1 * made.range_noise_m, 4.0 * standard_error_m):
+    standard_error_m = trial.range_noise_m / math.sqrt(len(trial.range_error_m))
+    if abs(trial.range_bias_m) < max(0.1 * trial.range_noise_m, 4.0 * standard_error_m):
         return ""
-    return f", shifted by {made.range_bias_m / units.CM:+.1f} cm"
+    return f", shifted by {trial.range_bias_m / units.CM:+.1f} cm"

@@ -167,16 +167,16 @@ def _describe_eclipses(mission: Mission, body: Body) -> str:
     """Describe the passages through umbra and penumbra, from when to when."""
     start_utc, end_s = mission.span
     searched_s = min(end_s, _ECLIPSES_S)
-    found = find_eclipses(Chief(mission.bodies, body.name), Epochs(start_utc, np.array([0.0, searched_s])))
+    eclipses = find_eclipses(Chief(mission.bodies, body.name), Epochs(start_utc, np.array([0.0, searched_s])))
     span = f" in the first {searched_s / units.DAY_S:g} days" if searched_s < end_s else ""
-    if not found:
+    if not eclipses:
         return f"no eclipse{span}"
-    listed = [_describe_eclipse(eclipse) for eclipse in found]
+    listed = [_describe_eclipse(eclipse) for eclipse in eclipses]
     if len(listed) > _MOST_LISTED:
         listed = [listed[0], f"... {len(listed) - 2} more ...", listed[-1]]
     filtered = mission.lidar.receiver.filter_width_nm is not None
     unlit = ", and then no sunlight on it" * filtered
-    return f"{len(found)} eclipse{'s' * (len(found) > 1)}{span}: {'; '.join(listed)}{unlit}"
+    return f"{len(eclipses)} eclipse{'s' * (len(eclipses) > 1)}{span}: {'; '.join(listed)}{unlit}"
 
 
 def _describe_eclipse(eclipse: Eclipse) -> str:

@@ -24,8 +24,8 @@ def describe_separations(mission: Mission) -> list[str]:
         (over, _find_listed_interval_m(mission, over)) for over in (SIGNAL_OVER_THRESHOLD, _BRIGHT_OVER_THRESHOLD)
     ]
     words = [
-        f"{_format_interval(one)} with {over * traits.threshold_photons:,.0f} photons each" if one else ""
-        for over, one in listed
+        f"{_format_interval(interval)} with {over * traits.threshold_photons:,.0f} photons each" if interval else ""
+        for over, interval in listed
     ]
     text = "; ".join(word for word in words if word)
     if not text:
@@ -49,12 +49,12 @@ def advise_on_separations(mission: Mission, preview: Preview) -> list[str]:
     if listed is None:
         return ["; ".join([*words, "two returns of a pixel are never both listed; shorten lidar.laser.pulse_fwhm_ns"])]
     apart = f"two returns of a pixel are both listed {_format_interval(listed)} apart in depth"
-    found, lost = zip(
+    texts, lost = zip(
         *(_describe_affected_parts(mission, preview, number, listed) for number in range(len(mission.target))),
         strict=True,
     )
     if not traits.is_gated or any(lost):
-        words.append("; ".join([apart, *(text for text in found if text)]))
+        words.append("; ".join([apart, *(text for text in texts if text)]))
     return ["; ".join(words)] if words else []
 
 

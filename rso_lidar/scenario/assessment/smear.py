@@ -43,8 +43,8 @@ def measure_smear(mission: Mission, preview: Preview) -> Smear:
     for receiver in {lidar.receiver for lidar in lidars}:
         of = np.array([lidar.receiver == receiver for lidar in lidars])
         lidar = lidars[int(np.argmax(of))]
-        for moved, found in zip(smear, mission.exposure.measure(poses, lidar), strict=True):
-            moved[of] = np.broadcast_to(found, moved.shape)[of]
+        for moved, measurement in zip(smear, mission.exposure.measure(poses, lidar), strict=True):
+            moved[of] = np.broadcast_to(measurement, moved.shape)[of]
     return smear
 
 

@@ -124,10 +124,10 @@ class Exposure:
         -------
         the smear at each instant; zeros where nothing is in front of the lidar.
         """
-        found = [self._measure_surface(poses, name, points, lidar) for name, points in self._points.items()]
-        if not found:
+        smears = [self._measure_surface(poses, name, points, lidar) for name, points in self._points.items()]
+        if not smears:
             return Smear(np.zeros(1), np.zeros(1), np.zeros(1))
-        return Smear(*(np.max(np.broadcast_arrays(*values), axis=0) for values in zip(*found, strict=True)))
+        return Smear(*(np.max(np.broadcast_arrays(*values), axis=0) for values in zip(*smears, strict=True)))
 
     @cached_property
     def _points(self) -> dict[str, np.ndarray]:

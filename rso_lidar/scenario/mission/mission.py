@@ -245,13 +245,13 @@ class Mission(Part):
             if (part := getattr(body, place)) is None:
                 continue
             with self.locate_errors(f"{body.name}.{place}"):
-                found = find_named_files(part, self.file)
-                if (check := getattr(found, "check", None)) is not None:
+                resolved_part = find_named_files(part, self.file)
+                if (check := getattr(resolved_part, "check", None)) is not None:
                     check(self.time.start_utc)  # a bad element set is an error now, with its place
-            if (seeded := getattr(found, "with_seed", None)) is not None:
-                found = seeded(_mix_seed(self.seed, body.name))
-            if found is not part:
-                changes[place] = found
+            if (seeded := getattr(resolved_part, "with_seed", None)) is not None:
+                resolved_part = seeded(_mix_seed(self.seed, body.name))
+            if resolved_part is not part:
+                changes[place] = resolved_part
         return body.replace(**changes) if changes else body
 
     @cached_property
@@ -259,8 +259,8 @@ class Mission(Part):
         """PTU with the paths of the files that it names."""
         with self.locate_errors("ptu"):
             self._check_code(self.ptu)
-            found: Ptu | None = find_named_files(self.ptu, self.file) if self.ptu else None
-        return found
+            ptu: Ptu | None = find_named_files(self.ptu, self.file) if self.ptu else None
+        return ptu
 
     def _check_code(self, part: Any) -> None:
         """Raise `ScenarioError` for a part that names Python code or an FMU, unless it is trusted."""
@@ -337,15 +337,15 @@ class Mission(Part):
         """
         seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in self.target[number].joints)]
         surfaces = self.surfaces_of(number)
-        return np.concatenate([one.corners + np.array(at) for one, at in zip(surfaces, seats, strict=True)])
+        return np.concatenate([surface.corners + np.array(at) for surface, at in zip(surfaces, seats, strict=True)])
 
     @cached_property
     def instrument(self) -> Lidar:
         """Lidar with the paths of the files that it names, all of them read."""
         with self.locate_errors("lidar"):
-            found: Lidar = find_named_files(self.lidar, self.file)
-            check_instrument(found)
-        return found
+            lidar: Lidar = find_named_files(self.lidar, self.file)
+            check_instrument(lidar)
+        return lidar
 
     @property
     def span(self) -> tuple[datetime.datetime, float]:

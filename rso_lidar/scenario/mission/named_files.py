@@ -25,13 +25,13 @@ def find_named_files(part: Any, file: Callable[[str], Any]) -> Any:
         elif name == "dynamics" and (place := find_dynamics_file(value)) is not None:
             changes[name] = f"{file(place)}:{value.rpartition(':')[2]}"
         elif isinstance(value, Part):
-            found = find_named_files(value, file)
-            if found is not value:
-                changes[name] = found
+            new_value = find_named_files(value, file)
+            if new_value is not value:
+                changes[name] = new_value
         elif isinstance(value, tuple) and any(isinstance(entry, Part) for entry in value):
-            found = tuple(find_named_files(entry, file) if isinstance(entry, Part) else entry for entry in value)
-            if any(new is not old for new, old in zip(found, value, strict=True)):
-                changes[name] = found
+            new_value = tuple(find_named_files(entry, file) if isinstance(entry, Part) else entry for entry in value)
+            if any(new is not old for new, old in zip(new_value, value, strict=True)):
+                changes[name] = new_value
     return part.replace(**changes) if changes else part
 
 
@@ -47,28 +47,28 @@ def list_dynamics(part: Any) -> list[str]:
     list of str
         Such as ``file.py:name`` or ``package.module:name``.
     """
-    found: list[str] = []
+    dynamics: list[str] = []
     if not isinstance(part, Part):
-        return found
+        return dynamics
     for name in type(part).model_fields:
         value = getattr(part, name)
         if name == "dynamics" and isinstance(value, str):
-            found.append(value)
+            dynamics.append(value)
         for inner in value if isinstance(value, tuple) else (value,):
             if isinstance(inner, Part):
-                found += list_dynamics(inner)
-    return found
+                dynamics += list_dynamics(inner)
+    return dynamics
 
 
 def list_fmus(part: Any) -> list[str]:
     """List the FMUs that a part and all parts in it name."""
-    found: list[str] = [part.file] if isinstance(part, FmuModel) else []
+    fmus: list[str] = [part.file] if isinstance(part, FmuModel) else []
     for name in type(part).model_fields if isinstance(part, Part) else ():
         value = getattr(part, name)
         for inner in value if isinstance(value, tuple) else (value,):
             if isinstance(inner, Part):
-                found += list_fmus(inner)
-    return found
+                fmus += list_fmus(inner)
+    return fmus
 
 
 def list_named_code(scenario: Any) -> list[str]:
@@ -100,9 +100,9 @@ def list_named_files(part: Any) -> list[str]:
     list of str
         Names as the part gives them.
     """
-    found: list[str] = []
-    find_named_files(part, lambda name: found.append(name) or name)  # type: ignore[func-returns-value]
-    return found
+    names: list[str] = []
+    find_named_files(part, lambda name: names.append(name) or name)  # type: ignore[func-returns-value]
+    return names
 
 
 def iterate_named_files(tables: Any, place: str = "") -> Iterator[tuple[str, str]]:

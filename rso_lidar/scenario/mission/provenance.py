@@ -145,17 +145,17 @@ def _resolve_library_model(target: Target) -> dict[str, Any]:
     if entry is None or not entry.own:
         return {}
     mesh, kind = entry.mesh, target.taxonomy or entry.taxonomy
-    found = {
+    fields = {
         "library": describe_library_model(entry).model_dump(),
         "center_of_mass_m": place_mesh(target, mesh, entry)[1],
         "taxonomy": kind.model_dump(),
         "part_classes": dict(zip(mesh.part_names, find_part_classes(target, mesh), strict=True)),
     }
     if (symmetry := target.symmetry or entry.symmetry) is not None:
-        found["symmetry"] = symmetry.model_dump(exclude_none=True)
+        fields["symmetry"] = symmetry.model_dump(exclude_none=True)
     if target.material is None:
         of_part: dict[str, Material] = {name: Named(name=material) for name, material in entry.parts.items()}
         of_part |= target.part_materials
         default = Lambertian()
-        found["part_materials"] = {name: dump_part(of_part.get(name, default)) for name in mesh.part_names}
-    return found
+        fields["part_materials"] = {name: dump_part(of_part.get(name, default)) for name in mesh.part_names}
+    return fields

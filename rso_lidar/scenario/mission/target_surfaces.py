@@ -128,7 +128,7 @@ def _is_lasting(materials: tuple[Material, ...]) -> bool:
         hash(materials)
     except TypeError:
         return False
-    return all(isinstance(one, Part) for one in materials)
+    return all(isinstance(material, Part) for material in materials)
 
 
 class _SurfaceForm(NamedTuple):
@@ -146,7 +146,7 @@ class _SurfaceForm(NamedTuple):
 
 def _build(form: _SurfaceForm, material: Material | None, part_materials: tuple[tuple[str, Material], ...]) -> Surface:
     """Build a surface."""
-    made = build_surface(
+    surface = build_surface(
         form.name,
         form.mesh,
         scale=form.scale,
@@ -157,7 +157,7 @@ def _build(form: _SurfaceForm, material: Material | None, part_materials: tuple[
         smooth_parts=form.smooth_parts,
         wavelength_m=form.wavelength_m,
     )
-    return replace(made, target=form.number)
+    return replace(surface, target=form.number)
 
 
 _build_once = lru_cache(maxsize=32)(_build)
@@ -211,18 +211,20 @@ def find_symmetry(target: Target) -> Symmetry | None:
     target : of a scenario
     """
     entry = None if target.is_path else model(target.shape)
-    found, center_of_mass_m = target.symmetry, target.center_of_mass_m or (0.0, 0.0, 0.0)
+    symmetry, center_of_mass_m = target.symmetry, target.center_of_mass_m or (0.0, 0.0, 0.0)
     if entry is not None:
         scale, center_of_mass_m = place_mesh(target, entry.mesh, entry)
-        if found is None and entry.symmetry is not None and not target.joint:
+        if symmetry is None and entry.symmetry is not None and not target.joint:
             x, y, z = entry.symmetry.position_m
-            found = entry.symmetry.replace(position_m=(scale * x, scale * y, scale * z))
-    if found is None:
+            symmetry = entry.symmetry.replace(position_m=(scale * x, scale * y, scale * z))
+    if symmetry is None:
         return None
 
     def turn(vector: Vector) -> tuple[float, ...]:
         return tuple(body_from_mesh(np.array(vector), target.mesh_axes).tolist())
 
-    from_origin_m = np.array(found.position_m) - np.array(center_of_mass_m)
-    half_turn = None if found.half_turn is None else turn(found.half_turn)
-    return found.replace(axis=turn(found.axis), half_turn=half_turn, position_m=turn(tuple(from_origin_m.tolist())))
+    from_origin_m = np.array(symmetry.position_m) - np.array(center_of_mass_m)
+    half_turn = None if symmetry.half_turn is None else turn(symmetry.half_turn)
+    return symmetry.replace(
+        axis=turn(symmetry.axis), half_turn=half_turn, position_m=turn(tuple(from_origin_m.tolist()))
+    )

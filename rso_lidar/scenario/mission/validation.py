@@ -148,7 +148,7 @@ def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str) -> An
     try:
         return part.model_validate(tree)
     except ValidationError as error:
-        problems = [(one["loc"], one["type"]) for one in error.errors(include_url=False)]
+        problems = [(detail["loc"], detail["type"]) for detail in error.errors(include_url=False)]
         raise FieldError(f"{where}: {explain(error, part, tree)}", problems) from None
 
 

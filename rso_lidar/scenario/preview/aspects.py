@@ -33,14 +33,14 @@ def collect_attitudes(mission: Mission, preview: Preview, number: int, row: int,
     rows = np.unique(near[np.linspace(0, len(near) - 1, most).round().astype(int)])
     turns = np.broadcast_to(preview.truth.poses.place("lidar", name)[1], (len(range_m), 3, 3))
     places = np.broadcast_to(preview.truth.poses.place("lidar", name)[0], (len(range_m), 3))
-    found: list[np.ndarray] = []
+    rotations: list[np.ndarray] = []
     truths = []
-    for at in [row, *(int(one) for one in rows if one != row)]:
+    for at in [row, *(int(other_row) for other_row in rows if other_row != row)]:
         turned = rotation_between(places[at], places[row]) @ turns[at]
         # The trace of a rotation matrix is 1 + 2 cos(angle).
-        if any(np.trace(one.T @ turned) > 1.0 + 2.0 * math.cos(_SAME_ATTITUDE_RAD) for one in found):
+        if any(np.trace(rotation.T @ turned) > 1.0 + 2.0 * math.cos(_SAME_ATTITUDE_RAD) for rotation in rotations):
             continue
-        found.append(turned)
+        rotations.append(turned)
         links = link_surfaces(mission, number, preview.truth.at(at), places[row], turned)
         for surface in mission.surfaces:
             if surface.name not in links:

@@ -36,20 +36,20 @@ def copy_pixels(
     n : total number of copies
     shift_m : (n) range shift of each copy [m], so that the copies cover all phases of the clock
     """
-    merged = [_merge_returns(one.light, pixel) for one, pixel in zip(casts, pixels, strict=True)]
+    merged = [_merge_returns(cast.light, pixel) for cast, pixel in zip(casts, pixels, strict=True)]
     of = np.arange(n) % len(casts)
     length, clusters, true_m = (
         np.array(column)[of] for column in zip(*((len(m.photons), m.clusters, m.range_m) for m in merged), strict=True)
     )
-    first = np.cumsum([0, *(len(one.photons) for one in merged)])[of]
+    first = np.cumsum([0, *(len(returns.photons) for returns in merged)])[of]
     copy = np.repeat(np.arange(n), length)
     take = np.arange(len(copy)) + np.repeat(first - (np.cumsum(length) - length), length)
     delay_s, photons, spread_s, cells, cluster = (
-        np.concatenate([getattr(one, name) for one in merged])[take]
+        np.concatenate([getattr(returns, name) for returns in merged])[take]
         for name in ("delay_s", "photons", "depth_spread_s", "coherence_cells", "cluster")
     )
     pulse = casts[0].light
-    made = Photons(
+    copies = Photons(
         shape=(1, n),
         pulse_fwhm_s=pulse.pulse_fwhm_s,
         pulse_step_s=pulse.pulse_step_s,
@@ -64,7 +64,7 @@ def copy_pixels(
         cluster=cluster + (np.cumsum(clusters) - clusters)[copy],
         cluster_pixel=np.repeat(np.arange(n), clusters),
     )
-    return made, true_m + shift_m
+    return copies, true_m + shift_m
 
 
 def estimate_surroundings(
@@ -108,7 +108,7 @@ def try_pixels(mission: Mission, casts: Sequence[TargetReturns], share: float, t
     lidar = mission.instrument.at(time_s)
     traits = lidar.detector.traits  # trials of many pulses or samples are slow
     n = max(min(_TRIALS // traits.pulses, _MOST_SAMPLES // traits.samples), _FEWEST_TRIALS)
-    pixels = [one.pixel_at(share) for one in casts]
+    pixels = [cast.pixel_at(share) for cast in casts]
     # A golden-ratio sequence spreads the copies of one flash evenly over two samples of the default readout.
     shift_m = 0.72 * (np.modf((np.arange(n) // len(casts)) * 0.618_033_988_749_894_9)[0] - 0.5)
     photons, true_m = copy_pixels(casts, pixels, n, shift_m)

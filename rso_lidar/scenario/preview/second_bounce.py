@@ -62,8 +62,11 @@ def _measure(mission: Mission, truth: Truth, number: int) -> tuple[float, float,
     both = optics.collect(seen.hits, lidar.laser, sharp, bounces=paths)
     n_pixels = sharp.n_rows * sharp.n_cols
     (first, first_s), (light, light_s) = (
-        (np.bincount(one.pixel, one.photons, n_pixels), np.bincount(one.pixel, one.photons * one.delay_s, n_pixels))
-        for one in (once, both)
+        (
+            np.bincount(returns.pixel, returns.photons, n_pixels),
+            np.bincount(returns.pixel, returns.photons * returns.delay_s, n_pixels),
+        )
+        for returns in (once, both)
     )
     mine = np.zeros(n_pixels, bool)
     mine[once.pixel[seen.hits.target[once.hit] == number]] = True

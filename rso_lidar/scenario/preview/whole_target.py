@@ -56,17 +56,17 @@ def find_probability(
     if seen.pixel.size < finding.pixels:
         return 0.0
     mine = seen.hits.target[seen.light.hit] == seen.number
-    one = _solve_flash(lidar, seen, mine, finding.pixels)
-    if one is not None:
-        return float(k_of_n(np.array(one), finding.needed, finding.flashes))
+    probability = _solve_flash(lidar, seen, mine, finding.pixels)
+    if probability is not None:
+        return float(k_of_n(np.array(probability), finding.needed, finding.flashes))
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(_SEED, spawn_key=(stream,))))
-    most, succeeded, made = max(tried, finding.flashes), 0, 0
-    while made < most:
+    most, succeeded, n_tried = max(tried, finding.flashes), 0, 0
+    while n_tried < most:
         succeeded += count_reports(lidar, seen, mine, rng) >= finding.pixels
-        made += 1
-        if made >= max(_FIRST, finding.flashes) and succeeded in (0, made):
+        n_tried += 1
+        if n_tried >= max(_FIRST, finding.flashes) and succeeded in (0, n_tried):
             break
-    return estimate_k_of_n(succeeded, made, finding.needed, finding.flashes)
+    return estimate_k_of_n(succeeded, n_tried, finding.needed, finding.flashes)
 
 
 def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: int) -> float | None:
@@ -84,14 +84,14 @@ def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: in
     if jitter > 0.0:
         nodes, weights = np.polynomial.hermite_e.hermegauss(_ENERGIES)
         factors, weights = np.maximum(1.0 + jitter * nodes, 1e-3), weights / weights.sum()
-    found = 0.0
+    mean_probability = 0.0
     for factor, weight in zip(factors.tolist(), weights.tolist(), strict=True):
         light = seen.light if factor == 1.0 else replace(seen.light, photons=seen.light.photons * factor)
         probability = report_probability(lidar.detector, light, mine)
         if probability is None:
             return None
-        found += weight * at_least(probability, pixels)
-    return found
+        mean_probability += weight * at_least(probability, pixels)
+    return mean_probability
 
 
 def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.random.Generator) -> int:
@@ -138,17 +138,17 @@ def find_aspects(
     photons : (truth) expected from the target in all pixels.
     """
 
-    def one(stream: int) -> tuple[float, float]:
+    def evaluate(stream: int) -> tuple[float, float]:
         seen = cast_surfaces(lidar, surfaces, truths[stream], number, finest)
         return find_probability(lidar, seen, finding, stream=stream), float(seen.photons.sum())
 
-    found = np.array(_run(one, range(len(truths))))
-    return found[:, 0], found[:, 1]
+    pairs = np.array(_run(evaluate, range(len(truths))))
+    return pairs[:, 0], pairs[:, 1]
 
 
-def _run(one: Callable[[int], tuple[float, float]], numbers: Iterable[int]) -> list[tuple[float, float]]:
+def _run(evaluate: Callable[[int], tuple[float, float]], numbers: Iterable[int]) -> list[tuple[float, float]]:
     with ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="aspect") as threads:
-        return list(threads.map(one, numbers))
+        return list(threads.map(evaluate, numbers))
 
 
 def move_target(mission: Mission, number: int, there: Truth, place_m: np.ndarray, turned: np.ndarray) -> Truth:

@@ -123,8 +123,8 @@ class StateErrors(Part):
         """Covariance (6, 6) of the state at the start [m2, m2/s, m2/s2]."""
         if self.covariance is not None:
             return np.array(self.covariance)
-        made: np.ndarray = np.diag(np.square((*self.position_sigma_m, *self.velocity_sigma_m_s)))
-        return made
+        covariance: np.ndarray = np.diag(np.square((*self.position_sigma_m, *self.velocity_sigma_m_s)))
+        return covariance
 
 
 class TargetErrors(StateErrors):

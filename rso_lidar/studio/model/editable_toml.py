@@ -145,5 +145,5 @@ def _outline(tables: Any) -> Any:
             if isinstance(value, dict | list) or key in ("type", "name")
         )
     if isinstance(tables, list):
-        return tuple(_outline(one) for one in tables if isinstance(one, dict))
+        return tuple(_outline(table) for table in tables if isinstance(table, dict))
     return 0

@@ -82,6 +82,6 @@ class PreviewFlight:
     def surfaces(self) -> dict[str, np.ndarray]:
         """Corners (facet, 3, xyz) f4 [m] of the surfaces by a hash of their geometry; of many facets, the largest."""
         return {
-            one.content: one.corners[np.argsort(-one.areas_m2)[:150_000]].astype("<f4")
-            for one in self.scenario.surfaces
+            surface.content: surface.corners[np.argsort(-surface.areas_m2)[:150_000]].astype("<f4")
+            for surface in self.scenario.surfaces
         }

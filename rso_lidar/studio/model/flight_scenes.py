@@ -92,7 +92,7 @@ def draw_target(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Spac
     """
     scene = SpaceScene("target", scheme)
     pose, lidar = flight.matrix(row, flight.base), flight.matrix(row, "lidar")
-    size = max((one.radius_m for one in flight.scenario.surfaces if one.body == flight.base), default=1.0)
+    size = max((surface.radius_m for surface in flight.scenario.surfaces if surface.body == flight.base), default=1.0)
     _add_targets(scene, flight, row, pose[:3, 3])
     _add_lidar(scene, flight, row, pose[:3, 3])
     pose[:3, 3] = 0.0

@@ -83,7 +83,9 @@ def find_part(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | int
         if isinstance(step, int):
             here = here[step] if isinstance(here, list) and step < len(here) else None
         else:
-            field = next((one for one in list_fields(part) if one.key == step), None) if part else None
+            field = (
+                next((candidate for candidate in list_fields(part) if candidate.key == step), None) if part else None
+            )
             here = here.get(step) if isinstance(here, Mapping) else None
         part = field.choose(here) if field else None
     return part
@@ -98,7 +100,7 @@ def find_field(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | in
     """
     names = [step for step in steps if isinstance(step, str)]
     parent = find_part(cls, tables, tuple(names[:-1])) if names[1:] else cls
-    return next((one for one in list_fields(parent) if names and one.key == names[-1]), None) if parent else None
+    return next((field for field in list_fields(parent) if names and field.key == names[-1]), None) if parent else None
 
 
 def iterate_tables(cls: type[Part], tables: Mapping[str, Any], nested: str) -> Iterator[tuple[str, str, bool]]:
@@ -128,7 +130,7 @@ def make_entry(cls: type[Part], key: str, entries: Sequence[Any]) -> dict[str, A
     """
     table: dict[str, Any] = {"type": cls.model_fields["type"].default} if "type" in cls.model_fields else {}
     if "name" in cls.model_fields and cls.model_fields["name"].is_required():
-        taken = {one.get("name") for one in entries if isinstance(one, Mapping)}
+        taken = {entry.get("name") for entry in entries if isinstance(entry, Mapping)}
         table["name"] = next(f"{key}_{k}" for k in range(1, len(entries) + 2) if f"{key}_{k}" not in taken)
     return table
 
@@ -205,9 +207,9 @@ def _quote(value: Any) -> str:
 def _read_field(name: str, field: FieldInfo) -> FieldForm:
     annotation, metadata = _unwrap(field.annotation, list(field.metadata))
     classes = tuple(cls for cls in dict.fromkeys(part_classes(annotation)) if issubclass(cls, Part))
-    members = [one for one in _members(annotation) if one is not type(None)]
+    members = [member for member in _members(annotation) if member is not type(None)]
     kind = _find_kind(members, classes)
-    literals = [value for one in members if get_origin(one) is Literal for value in get_args(one)]
+    literals = [value for member in members if get_origin(member) is Literal for value in get_args(member)]
     choices = {_tag(cls): _describe_class(cls) for cls in classes} if kind in ("variant", "entries") else {}
     default = None if field.is_required() else field.get_default(call_default_factory=True)
     said = field.description or ""
@@ -229,12 +231,12 @@ def _read_field(name: str, field: FieldInfo) -> FieldForm:
 
 def _find_kind(members: list[Any], classes: tuple[type[Part], ...]) -> str:
     """Return the kind of a field whose type is a union of `members`, and which the parts `classes` may fill."""
-    origins = {get_origin(one) for one in members}
+    origins = {get_origin(member) for member in members}
     if classes and not origins & {dict, tuple}:
         return "table" if len(classes) == 1 and "type" not in classes[0].model_fields else "variant"
     if classes and len(members) == 1 and origins == {tuple}:
         return "entries"
-    if members and all(get_origin(one) is Literal and isinstance(get_args(one)[0], str) for one in members):
+    if members and all(get_origin(member) is Literal and isinstance(get_args(member)[0], str) for member in members):
         return "choice"
     # A TOML file names the dynamics, in Python any function, by a text.
     kinds = {float: "number", int: "whole", bool: "flag", str: "text", Any: "text", datetime.datetime: "instant"}
@@ -256,7 +258,7 @@ def _unwrap(annotation: Any, metadata: list[Any]) -> tuple[Any, list[Any]]:
 def _members(annotation: Any) -> list[Any]:
     """Return the members of a union, without `Annotated`; another annotation is its only member."""
     if get_origin(annotation) in (Union, types.UnionType):
-        return [inner for one in get_args(annotation) for inner in _members(_unwrap(one, [])[0])]
+        return [inner for member in get_args(annotation) for inner in _members(_unwrap(member, [])[0])]
     return [annotation]
 
 

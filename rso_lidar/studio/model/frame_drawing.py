@@ -69,17 +69,19 @@ def locate_centers(frame: Frame) -> dict[str, tuple[int, int]]:
 
     What is outside the field is left out.
     """
-    places_m = {f"truth of {one.name}": frame.truth.pose("lidar", one.name).translation for one in frame.source.targets}
+    places_m = {
+        f"truth of {target.name}": frame.truth.pose("lidar", target.name).translation for target in frame.source.targets
+    }
     sight = frame.line_of_sight
     pixel_rad = float(np.linalg.norm(sight[0, 0] - sight[0, 1]))
     fix = locate_centroid(frame.points_m, pixel_rad=pixel_rad)
     if fix is not None:
         places_m["centroid of the points"] = fix.position_m
-    found = {}
+    centers = {}
     for name, place_m in places_m.items():
         cosine = sight.reshape(-1, 3) @ (place_m / max(float(np.linalg.norm(place_m)), 1e-9))
         nearest = int(cosine.argmax())
         if cosine[nearest] > np.cos(pixel_rad):
             row, col = divmod(nearest, sight.shape[1])
-            found[name] = (row, col)
-    return found
+            centers[name] = (row, col)
+    return centers

@@ -60,21 +60,21 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, bes
     return _draw_panels(panels, window, Thumbnail.of(frame).pixel_m * max(window.width, window.height), scheme)
 
 
-def draw_difference(one: Frame, other: Frame, scheme: Scheme = LIGHT) -> bytes:
+def draw_difference(first: Frame, other: Frame, scheme: Scheme = LIGHT) -> bytes:
     """Draw the differences of range and of intensity of two frames, where both report, as PNG; zero is white.
 
     The colours end at the 99th percentile of the magnitude.
 
     Parameters
     ----------
-    one, other : the frames; what is shown is the second minus the first
+    first, other : the frames; what is shown is the second minus the first
     scheme : `LIGHT` or `DARK`
     """
-    window, both = choose_window(one, other), one.valid & other.valid
+    window, both = choose_window(first, other), first.valid & other.valid
     panels = []
     for title, unit, differences in (
-        ("Range B − A", "m", np.asarray(other.range_m, float) - one.range_m),
-        ("Intensity B − A", "counts", np.asarray(other.intensity_counts, float) - one.intensity_counts),
+        ("Range B − A", "m", np.asarray(other.range_m, float) - first.range_m),
+        ("Intensity B − A", "counts", np.asarray(other.intensity_counts, float) - first.intensity_counts),
     ):
         known = np.where(both, differences, np.nan)
         size = np.abs(known[both])

@@ -35,7 +35,7 @@ def list_mesh_targets(tables: Mapping[str, Any], name: str) -> dict[str, str]:
     """Return the names of a scenario's targets by their places, first those that have a mesh."""
     entries = tables.get("target")
     entries = entries if isinstance(entries, list) else []
-    targets = {f"target[{k}]": one for k, one in enumerate(entries) if isinstance(one, Mapping)}
+    targets = {f"target[{k}]": entry for k, entry in enumerate(entries) if isinstance(entry, Mapping)}
     ordered = sorted(targets, key=lambda place: targets[place].get("model") != name)
     return {place: str(targets[place].get("name", place)) for place in ordered}
 

@@ -40,5 +40,5 @@ def draw_portrait(name: str) -> bytes:
 
 def _find_colour(material: dict[str, object]) -> np.ndarray:
     """Return the colour of a material in pictures, from 0 to 255."""
-    found = material.get("display_rgb")
-    return 255.0 * np.array(found, dtype=float) if isinstance(found, list | tuple) else _GREY
+    colour = material.get("display_rgb")
+    return 255.0 * np.array(colour, dtype=float) if isinstance(colour, list | tuple) else _GREY

@@ -20,15 +20,15 @@ def locate_problem(message: str, text: str) -> tuple[str, int | None]:
     ----------
     message : of an error that `Scenario.loads` raises, without the title of the text
     """
-    if found := re.search(r"\(at line (\d+), column \d+\)", message):
-        return "", int(found[1])
-    found = _PLACE.match(message)
-    place = found[1] if found else ""
+    if match := re.search(r"\(at line (\d+), column \d+\)", message):
+        return "", int(match[1])
+    match = _PLACE.match(message)
+    place = match[1] if match else ""
     if unknown := re.search(r"(?:^|: )unknown key '([^']+)'", message):
         place = f"{place}.{unknown[1]}".lstrip(".")
     first, _, rest = place.partition(".")
-    if found := re.match(r"target (\S+): ", message):  # messages of loaded bodies have names, not numbers
-        first, rest = found[1], ""
+    if match := re.match(r"target (\S+): ", message):  # messages of loaded bodies have names, not numbers
+        first, rest = match[1], ""
     names = _list_targets(text)
     if first in names:
         place = f"target[{names.index(first)}].{rest}".rstrip(".")
@@ -89,4 +89,8 @@ def _list_targets(text: str) -> list[str]:
         tables = parse_toml(text, "", ScenarioError).get("target", [])
     except ScenarioError:
         return []
-    return [str(one.get("name")) if isinstance(one, dict) else "" for one in tables] if isinstance(tables, list) else []
+    return (
+        [str(table.get("name")) if isinstance(table, dict) else "" for table in tables]
+        if isinstance(tables, list)
+        else []
+    )

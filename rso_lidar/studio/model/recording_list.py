@@ -33,29 +33,29 @@ class RecordingList:
                 name = path.relative_to(self.folder.path).as_posix().rpartition(".tmp-")[0]
                 if not path.is_symlink():  # a run makes none
                     files.setdefault(self.folder.resolve(name, RECORDINGS), []).append(path)
-        found, problems = {}, {}
+        statuses, problems = {}, {}
         for path, temporary in sorted(files.items()):
             try:
-                stamps = tuple(_stamp(one) for one in (path, *temporary) if one.exists())
+                stamps = tuple(_stamp(file) for file in (path, *temporary) if file.exists())
                 known = self._known.get(path)
                 if known and known[0] == stamps and not known[1].running:
-                    found[path] = known
+                    statuses[path] = known
                     continue
                 status = read_status(path)
                 check_self_contained(status.file)
-                found[path] = stamps, status
+                statuses[path] = stamps, status
             except (RsoLidarError, OSError) as error:
                 problems[path] = str(error).removeprefix(f"{path}: ")
-        self._known, self.problems = found, problems
-        return [status for _, status in found.values()]
+        self._known, self.problems = statuses, problems
+        return [status for _, status in statuses.values()]
 
     def tabulate(self) -> list[dict[str, Any]]:
         """List the recordings as rows of a table: name in the folder, frames, state and size [MB]; last, those not read."""
         rows: list[dict[str, Any]] = []
-        for one in self.read():
-            size = f"{one.file.stat().st_size / 1e6:.1f}" if one.file.exists() else "0.0"
-            state = "complete" if one.complete else "running" if one.running else "interrupted"
-            rows.append({"name": self._name(one.output), "frames": one.frames, "state": state, "size": size})
+        for status in self.read():
+            size = f"{status.file.stat().st_size / 1e6:.1f}" if status.file.exists() else "0.0"
+            state = "complete" if status.complete else "running" if status.running else "interrupted"
+            rows.append({"name": self._name(status.output), "frames": status.frames, "state": state, "size": size})
         unread = {"frames": "", "state": "cannot be read", "size": ""}
         return rows + [{"name": self._name(path), **unread} for path in self.problems]
 

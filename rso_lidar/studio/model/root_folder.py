@@ -66,7 +66,7 @@ class Folder:
 
     def list_files(self, suffixes: tuple[str, ...]) -> list[str]:
         """List the names with certain endings in the folder and its subfolders, at most 500, sorted."""
-        found = []
+        names = []
         for path in sorted((*self.path.glob("*"), *self.path.glob("*/*"))):
             name = path.relative_to(self.path).as_posix()
             try:
@@ -74,5 +74,5 @@ class Folder:
             except ScenarioError:
                 continue
             if path.is_file():
-                found.append(name)
-        return found[:_MOST_FILES]
+                names.append(name)
+        return names[:_MOST_FILES]

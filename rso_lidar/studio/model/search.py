@@ -18,12 +18,12 @@ def read_pasted_set(text: str) -> Tle | Omm:
     CatalogError
         If the text is not one element set, or its numbers are not possible.
     """
-    found, junk = parse_element_sets(text, _PASTED)
-    if len(found) != 1:
-        raise CatalogError(f"{_PASTED}: holds {len(found)} element sets; paste one")
-    if problem := found[0].problem or next(iter(junk), None):
+    sets, junk = parse_element_sets(text, _PASTED)
+    if len(sets) != 1:
+        raise CatalogError(f"{_PASTED}: holds {len(sets)} element sets; paste one")
+    if problem := sets[0].problem or next(iter(junk), None):
         raise CatalogError(problem)
-    return _make_motion(found[0])
+    return _make_motion(sets[0])
 
 
 def search_sets(file: Path, words: str, most: int) -> dict[str, Tle | Omm]:
@@ -40,19 +40,20 @@ def search_sets(file: Path, words: str, most: int) -> dict[str, Tle | Omm]:
     CatalogError
         If the file cannot be read, or no good set in it has these words.
     """
-    found: dict[str, Tle | Omm] = {}
-    for one in read_element_sets(file):
-        if one.problem is None and words.casefold() in f"{one.name} {one.norad_id}".casefold():
-            label = f"{one.name or 'without a name'} ({one.norad_id}), {one.epoch_utc:%Y-%m-%d %H:%M}"
-            found[label] = _make_motion(one)
-            if len(found) == most:
+    motions: dict[str, Tle | Omm] = {}
+    for element_set in read_element_sets(file):
+        if element_set.problem is None and words.casefold() in f"{element_set.name} {element_set.norad_id}".casefold():
+            label = f"{element_set.name or 'without a name'} ({element_set.norad_id}), "
+            label += f"{element_set.epoch_utc:%Y-%m-%d %H:%M}"
+            motions[label] = _make_motion(element_set)
+            if len(motions) == most:
                 break
-    if not found:
+    if not motions:
         raise CatalogError(f"{file.name}: no set has '{words:.40}' in its name or number; search for less")
-    return found
+    return motions
 
 
-def _make_motion(one: ElementSet) -> Tle | Omm:
-    if one.line1:
-        return Tle(lines=tuple(line for line in (one.name, one.line1, one.line2) if line))
-    return Omm.of(one)
+def _make_motion(element_set: ElementSet) -> Tle | Omm:
+    if element_set.line1:
+        return Tle(lines=tuple(line for line in (element_set.name, element_set.line1, element_set.line2) if line))
+    return Omm.of(element_set)

@@ -114,10 +114,10 @@ def load_flyable(path: Path, folder: Folder, title: str) -> Scenario:
     ScenarioError
         If the file cannot be read, is no scenario, or may not be flown.
     """
-    found = assess(_read(path), folder, title)
-    if found.scenario is None or found.refusal:
-        raise ScenarioError(found.problem or f"{title}: {found.refusal}")
-    return found.scenario
+    assessment = assess(_read(path), folder, title)
+    if assessment.scenario is None or assessment.refusal:
+        raise ScenarioError(assessment.problem or f"{title}: {assessment.refusal}")
+    return assessment.scenario
 
 
 def _list_values(text: str) -> list[str]:
@@ -145,7 +145,7 @@ def describe(scenario: Scenario) -> str:
         return str(error)
 
 
-def list_warnings(made: Assessment, folder: Folder, title: str) -> list[str]:
+def list_warnings(assessment: Assessment, folder: Folder, title: str) -> list[str]:
     """List the warnings that `rso-lidar check` prints of a text that may be flown, by `Scenario.advice`.
 
     It takes seconds. The scenario is read again, because some warnings are given where files are read.
@@ -156,7 +156,7 @@ def list_warnings(made: Assessment, folder: Folder, title: str) -> list[str]:
     """
     with collect_warnings() as lines:
         try:
-            lines += Scenario.loads(made.text, folder=folder.path, where=title).advice()
+            lines += Scenario.loads(assessment.text, folder=folder.path, where=title).advice()
         except RsoLidarError as error:
             lines.append(str(error))
     return list(dict.fromkeys(lines))

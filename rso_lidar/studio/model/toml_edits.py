@@ -85,12 +85,12 @@ def _edit(text: str, place: str, value: Any) -> str:
         if isinstance(last, int) and not len(here):  # the list has become empty
             _apply(whole, steps[:-1], None)
             _apply(expected, steps[:-1], None)
-        made = tomlkit.dumps(whole)
-        if tomllib.loads(made) != expected:
+        new_text = tomlkit.dumps(whole)
+        if tomllib.loads(new_text) != expected:
             raise ValueError("other keys would change")
     except (TOMLKitError, KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError):
         raise ScenarioError(f"{place:.80}: cannot be changed in the form here; edit the text") from None
-    return str(made)
+    return str(new_text)
 
 
 def _apply(tables: Any, steps: _Steps, value: Any) -> None:
@@ -116,19 +116,19 @@ def _make_item(here: Any, steps: _Steps, value: Any) -> Any:
 
     near = len(steps) <= 2 and not isinstance(here, tomlkit.items.InlineTable | tomlkit.items.Array)
     if isinstance(value, dict):
-        made: Any = tomlkit.table() if near else tomlkit.inline_table()
+        table: Any = tomlkit.table() if near else tomlkit.inline_table()
         for key, inner in value.items():
-            made[key] = _make_item(made, (*steps, key, ""), inner)
-        return made
-    if isinstance(value, list) and value and all(isinstance(one, dict) for one in value) and len(steps) == 1:
+            table[key] = _make_item(table, (*steps, key, ""), inner)
+        return table
+    if isinstance(value, list) and value and all(isinstance(entry, dict) for entry in value) and len(steps) == 1:
         entries = tomlkit.aot()
-        for one in value:
-            entries.append(_make_item(entries, (*steps, 0), one))
+        for entry in value:
+            entries.append(_make_item(entries, (*steps, 0), entry))
         return entries
     if isinstance(value, list):
         array = tomlkit.array()
-        for one in value:
-            array.append(_make_item(array, (*steps, "", ""), one))
+        for entry in value:
+            array.append(_make_item(array, (*steps, "", ""), entry))
         return array
     if isinstance(value, datetime.datetime) and value.utcoffset() == datetime.timedelta(0):
         return tomlkit.value(value.replace(tzinfo=None).isoformat() + "Z")

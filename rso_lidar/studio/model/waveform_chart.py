@@ -45,12 +45,12 @@ def make_waveform_chart(
     top = _LEGEND_PX + _ROW_PX * len(marks)
     series = []
     for k, (name, curve) in enumerate(curves.items()):
-        one = {"name": name, "type": "line", "data": curve.round(4).tolist(), "showSymbol": name == "samples"}
-        one |= {"color": scheme.lines[k % 6], "yAxisIndex": int(name.startswith("light")), "animation": False}
-        one["lineStyle"] = {"width": 1.4, "type": "dashed" if name in ("threshold", "reported pulse") else "solid"}
+        line = {"name": name, "type": "line", "data": curve.round(4).tolist(), "showSymbol": name == "samples"}
+        line |= {"color": scheme.lines[k % 6], "yAxisIndex": int(name.startswith("light")), "animation": False}
+        line["lineStyle"] = {"width": 1.4, "type": "dashed" if name in ("threshold", "reported pulse") else "solid"}
         if name == "samples":
-            one["markLine"] = {"symbol": "none", "animation": False, "data": marks}
-        series.append(one)
+            line["markLine"] = {"symbol": "none", "animation": False, "data": marks}
+        series.append(line)
     start, end = curves["samples"][[0, -1], 0]
     return {
         "grid": {"left": 60, "right": 55, "top": top, "bottom": 38},

@@ -152,23 +152,23 @@ class BuildPage:
 
     def _show_check(self) -> None:
         """Show the verdict on the text, and mark its line."""
-        made = self._tab.assessment
-        if made is None:
+        assessment = self._tab.assessment
+        if assessment is None:
             return
         warnings = self._tab.warnings
         if warnings is None:
             self._description.set_visibility(False)
-        self._verdict.text = made.tell(warnings)
+        self._verdict.text = assessment.tell(warnings)
         look = ("warning", "text-warning") if warnings else ("check_circle", "text-positive")
-        icon, colour = look if made.is_ready else ("block" if made.refusal else "error", "text-negative")
+        icon, colour = look if assessment.is_ready else ("block" if assessment.refusal else "error", "text-negative")
         self._icon.props(f"name={icon}").classes(replace=colour)
         self._warnings.clear()
         with self._warnings:
             for line in warnings or []:
                 ui.label(line).classes("text-sm break-words studio-warning")
-        self._to_field.set_visibility(bool(made.place or made.line))
-        self._more.set_visibility(made.is_ready)
-        lines = [{"kind": "line", "line": made.line, "class": "studio-bad-line"}] if made.line else []
+        self._to_field.set_visibility(bool(assessment.place or assessment.line))
+        self._more.set_visibility(assessment.is_ready)
+        lines = [{"kind": "line", "line": assessment.line, "class": "studio-bad-line"}] if assessment.line else []
         if self._editor.decorations != lines:
             self._editor.decorations = lines
         if self._form:
@@ -176,28 +176,32 @@ class BuildPage:
 
     async def _describe(self) -> None:
         """Show what `rso-lidar check` prints; it takes some seconds."""
-        made = self._tab.assessment
-        if made is None or made.scenario is None:
+        assessment = self._tab.assessment
+        if assessment is None or assessment.scenario is None:
             return
         self._more.props("loading")
         self._description.text = "Describing: some seconds; longer at the first start, which compiles the kernels."
         self._description.set_visibility(True)
-        text = await run.io_bound(describe, made.scenario)
+        text = await run.io_bound(describe, assessment.scenario)
         self._more.props(remove="loading")
-        if text and made is self._tab.assessment:
+        if text and assessment is self._tab.assessment:
             self._description.text = text
 
     def _go_to_problem(self) -> None:
-        made = self._tab.assessment
-        if made and made.line:
-            self._editor.reveal_line(made.line)
-        if made and made.place:
-            self._go_to(made.place)
+        assessment = self._tab.assessment
+        if assessment and assessment.line:
+            self._editor.reveal_line(assessment.line)
+        if assessment and assessment.place:
+            self._go_to(assessment.place)
 
     def _go_to(self, place: str) -> None:
         """Show the form that has the field at a place, and move the focus there."""
-        places = (one for _, one, _ in self._iterate_tables())
-        own = max((one for one in places if f"{place}.".startswith((f"{one}.", f"{one}["))), key=len, default="")
+        places = (table_place for _, table_place, _ in self._iterate_tables())
+        own = max(
+            (table_place for table_place in places if f"{place}.".startswith((f"{table_place}.", f"{table_place}["))),
+            key=len,
+            default="",
+        )
         if own != self._place or self._form is None:
             self._choose(own)
         if self._form:

@@ -89,21 +89,21 @@ def _choose_model(tab: BrowserTab, place: str) -> None:
             words = (wanted.value or "").lower()
             grid.clear()
             with grid:
-                for one in models().values():
-                    if words in f"{one.name} {one.what}".lower():
-                        draw_tile(one)
+                for entry in models().values():
+                    if words in f"{entry.name} {entry.what}".lower():
+                        draw_tile(entry)
 
-        def draw_tile(one: Any) -> None:
-            with mark(ui.card(), f"model-{one.name}", "tabindex=0 role=button") as tile:
-                tile.classes("p-2 gap-1 cursor-pointer").tooltip(one.what).props["aria-label"] = one.name
-                ui.image(f"/studio/models/{one.name}.png").classes("w-full").props(
-                    f'alt="The model {one.name}" loading=lazy ratio=1 no-spinner'
+        def draw_tile(entry: Any) -> None:
+            with mark(ui.card(), f"model-{entry.name}", "tabindex=0 role=button") as tile:
+                tile.classes("p-2 gap-1 cursor-pointer").tooltip(entry.what).props["aria-label"] = entry.name
+                ui.image(f"/studio/models/{entry.name}.png").classes("w-full").props(
+                    f'alt="The model {entry.name}" loading=lazy ratio=1 no-spinner'
                 )
-                ui.label(one.name).classes("font-medium")
-                size = " × ".join(f"{length:.3g}" for length in one.size_m)
-                ui.label(f"{size} m; {one.licence}").classes("text-xs opacity-80")
+                ui.label(entry.name).classes("font-medium")
+                size = " × ".join(f"{length:.3g}" for length in entry.size_m)
+                ui.label(f"{size} m; {entry.licence}").classes("text-xs opacity-80")
             for event in ("click", "keydown.enter", "keydown.space"):
-                tile.on(event, partial(_set, tab, {f"{place}.model": one.name}, dialog))
+                tile.on(event, partial(_set, tab, {f"{place}.model": entry.name}, dialog))
 
         wanted.on_value_change(draw)
         draw()
@@ -112,9 +112,9 @@ def _choose_model(tab: BrowserTab, place: str) -> None:
 def _choose_material(tab: BrowserTab, place: str) -> None:
     columns = {"name": "Name", "kind": "BRDF", "nm1064": "1064 nm", "nm1570": "1570 nm", "what": "What"}
     rows = [
-        {"name": one.name, "kind": one.kind, "nm1064": one.reflectance[1064.0], "nm1570": one.reflectance[1570.0],
-         "what": one.what}
-        for one in list_materials()
+        {"name": material.name, "kind": material.kind, "what": material.what,
+         "nm1064": material.reflectance[1064.0], "nm1570": material.reflectance[1570.0]}
+        for material in list_materials()
     ]  # fmt: skip
     with open_dialog("Materials", _WIDE) as dialog:
         ui.label("Total reflectance at the wavelengths of the lasers").classes("text-sm")
@@ -122,7 +122,7 @@ def _choose_material(tab: BrowserTab, place: str) -> None:
 
 
 def _choose_elements(tab: BrowserTab, place: str) -> None:
-    found: dict[str, Tle | Omm] = {}
+    motions: dict[str, Tle | Omm] = {}
     folder = tab.workspace.folder
     files = [f"tle/{path.name}" for path in sorted(shipped("tle").glob("*.tle"))]
     files = folder.list_files((".tle", ".txt", ".3le", ".json", ".csv", ".xml", ".kvn", ".omm")) + files
@@ -140,9 +140,9 @@ def _choose_elements(tab: BrowserTab, place: str) -> None:
 
     async def search() -> None:
         with tell_errors():
-            found.clear()
-            found.update(await run.io_bound(find) or {})
-        table.rows = [{"name": name} for name in found]
+            motions.clear()
+            motions.update(await run.io_bound(find) or {})
+        table.rows = [{"name": name} for name in motions]
 
     with open_dialog("Element sets", _WIDE) as dialog:
         pasted = ui.textarea("Paste two lines, or an OMM").classes("w-full font-mono").props("outlined dense rows=3")
@@ -151,7 +151,7 @@ def _choose_elements(tab: BrowserTab, place: str) -> None:
             file = ui.select(files, value=files[0], label="Catalogue").classes("w-1/3").props("dense")
             wanted = ui.input("Name or number").classes("grow").props("dense").on("keydown.enter", search)
             draw_button("Search", search)
-        table = _draw_table({"name": "Object"}, [], lambda name: take(found.get(name)))
+        table = _draw_table({"name": "Object"}, [], lambda name: take(motions.get(name)))
 
 
 def _choose_camera(tab: BrowserTab, place: str) -> None:

@@ -43,36 +43,40 @@ class TableForm:
 
         Another field keeps what is being typed in it, although an edit or an assessment comes meanwhile.
         """
-        document, made = self._tab.document, self._tab.assessment
-        scenario = made.scenario if made and made.text == document.text else None
-        for place, (field, one) in self._inputs.items():
+        document, assessment = self._tab.document, self._tab.assessment
+        scenario = assessment.scenario if assessment and assessment.text == document.text else None
+        for place, (field, widget) in self._inputs.items():
             value = document.get(place)
-            is_choice = isinstance(one, ui.select)
+            is_choice = isinstance(widget, ui.select)
             shown = (None if value is None else str(value)) if is_choice else form_fields.show_value(value)
             if isinstance(value, bool):
                 shown = str(value).lower()
-            is_new = shown != self._shown.get(place, one.value)
+            is_new = shown != self._shown.get(place, widget.value)
             self._shown[place] = shown
-            if is_new and one.value != shown and not (one.value in ("", None) and shown in ("", None)):
-                one.value = shown
+            if is_new and widget.value != shown and not (widget.value in ("", None) and shown in ("", None)):
+                widget.value = shown
             in_force = field.show_default(scenario, place) if value is None else ""
-            wrong = made.problem if made and made.text == document.text and is_at(made.place, place) else None
-            if one.error != wrong and (wrong or one.value == shown):
-                one.error = wrong
+            wrong = (
+                assessment.problem
+                if assessment and assessment.text == document.text and is_at(assessment.place, place)
+                else None
+            )
+            if widget.error != wrong and (wrong or widget.value == shown):
+                widget.error = wrong
             if is_choice:
-                options = dict(one.options) | {None: field.name_default(in_force)} if in_force else one.options
-                if options != one.options:
-                    one.set_options(options, value=one.value)
-            elif one.props.get("placeholder") != in_force[:80]:
-                one.props["placeholder"] = in_force[:80]
-                one.update()
+                options = dict(widget.options) | {None: field.name_default(in_force)} if in_force else widget.options
+                if options != widget.options:
+                    widget.set_options(options, value=widget.value)
+            elif widget.props.get("placeholder") != in_force[:80]:
+                widget.props["placeholder"] = in_force[:80]
+                widget.update()
 
     def focus(self, place: str) -> bool:
         """Move the focus to a field, if the form has it."""
-        found = next((name for name in self._inputs if is_at(place, name) or name.startswith(f"{place}.")), None)
-        if found is None:
+        field_place = next((name for name in self._inputs if is_at(place, name) or name.startswith(f"{place}.")), None)
+        if field_place is None:
             return False
-        self._inputs[found][1].run_method("focus")
+        self._inputs[field_place][1].run_method("focus")
         return True
 
     def _draw(self, cls: type[Part], place: str, depth: int) -> None:
@@ -88,28 +92,28 @@ class TableForm:
         words = " ".join(filter(None, (field.meaning, f"({field.bounds})" if field.bounds else "")))
         with ui.column().classes("w-full gap-0 studio-field"):
             with ui.row(wrap=False).classes("w-full items-center gap-1"):
-                one: Any
+                widget: Any
                 if field.kind in ("choice", "flag"):
                     left = field.name_default(field.default)
                     names = ("true", "false") if field.kind == "flag" else tuple(field.choices)
-                    one = ui.select({None: left, **dict(zip(names, names, strict=True))}, label=label)
-                    one.on_value_change(partial(self._commit, field, place, one))
+                    widget = ui.select({None: left, **dict(zip(names, names, strict=True))}, label=label)
+                    widget.on_value_change(partial(self._commit, field, place, widget))
                 else:
-                    one = ui.input(label).on("change", lambda: self._commit(field, place, one))
-                    one.props('autocomplete="off" spellcheck="false" stack-label')
-                mark(one.classes("grow"), f"field-{place}", "dense outlined")
-                one.props["aria-description"] = words
+                    widget = ui.input(label).on("change", lambda: self._commit(field, place, widget))
+                    widget.props('autocomplete="off" spellcheck="false" stack-label')
+                mark(widget.classes("grow"), f"field-{place}", "dense outlined")
+                widget.props["aria-description"] = words
                 if field.required:
-                    one.props("aria-required=true")
+                    widget.props("aria-required=true")
                 if chooser := find_chooser(cls, field.key):
                     table = place.rpartition(".")[0]
                     draw_button(chooser.title, partial(chooser.open, self._tab, table), f"choose-{place}")
             ui.label(words + (" Required." if field.required else "")).classes("text-xs opacity-80 ml-1")
-            self._inputs[place] = (field, one)
+            self._inputs[place] = (field, widget)
 
-    def _commit(self, field: FieldForm, place: str, one: Any, *_: Any) -> None:
+    def _commit(self, field: FieldForm, place: str, widget: Any, *_: Any) -> None:
         """Put what the user typed into the document; an empty field takes its default."""
-        document, typed = self._tab.document, one.value
+        document, typed = self._tab.document, widget.value
         text = typed.strip() if isinstance(typed, str) else typed
         try:
             value = None if text in (None, "") else form_fields.parse_value(field.kind, text)
@@ -117,8 +121,8 @@ class TableForm:
                 return
             document.remove(place) if value is None else document.set(place, value)
         except RsoLidarError as error:
-            if isinstance(one, ui.input):
-                one.error = str(error)
+            if isinstance(widget, ui.input):
+                widget.error = str(error)
             else:
                 ui.notify(str(error), type="negative", multi_line=True)
 
@@ -144,7 +148,7 @@ class TableForm:
                 draw_type(self._tab, field, place, value)
             elif value is None:
                 draw_button("Set", partial(change_document, self._tab, "set", place, {}))
-            if chooser := next((found for cls in field.classes if (found := find_chooser(cls, ""))), None):
+            if chooser := next((candidate for cls in field.classes if (candidate := find_chooser(cls, ""))), None):
                 draw_button(chooser.title, partial(chooser.open, self._tab, place))
             if value is not None and not field.required:
                 draw_button("Remove", partial(change_document, self._tab, "remove", place), look="flat")

@@ -84,11 +84,11 @@ class FrameViewer:
     async def _read(self) -> None:
         """Open the file that holds the frames now; a file that grows is opened again."""
         name = self.name
-        found = await self._open(name)
-        if found is None or name != self.name:
+        recording_state = await self._open(name)
+        if recording_state is None or name != self.name:
             self.is_following &= name != self.name  # what cannot be read is not read again each second
             return
-        before, (self._recording, self.is_following) = self._recording, found
+        before, (self._recording, self.is_following) = self._recording, recording_state
         if before is not None and not self._is_drawing:
             before.close()
         self._title.set_text(f"{name}: {self._recording.source.title}, {len(self):,} frames")

@@ -96,7 +96,10 @@ def _open_templates(tab: BrowserTab) -> None:
             words = f"the example needs {', '.join(absent)}: `rso-lidar new` writes it with its files"
             ui.notify(words, type="warning")
 
-    rows = [(one.name, one.summary, partial(take, one.text, one.companions)) for one in find_examples().values()]
+    rows = [
+        (example.name, example.summary, partial(take, example.text, example.companions))
+        for example in find_examples().values()
+    ]
     empty = (
         "empty",
         "The keys that a scenario must have, and a plate 300 m away.",

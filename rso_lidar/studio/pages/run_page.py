@@ -94,10 +94,12 @@ class RunPage:
             for kind, suffix in (("sheet", ".png"), ("animate", ".gif"), ("curves", ".png"), ("track", ".png")):
                 draw_button(KINDS[kind].title, partial(self._make, kind, f"_{kind}{suffix}"), kind)
             with ui.dropdown_button("Export", auto_close=True).props("outline dense no-caps"):
-                for one in FORMATS.values():
-                    if one.suffixes[0] != RECORDINGS[0]:  # the recording itself
-                        make = partial(self._make, "export", one.suffixes[0])
-                        ui.item(f"{one.name} ({one.suffixes[0]})", on_click=make).tooltip(f"lost: {one.loses}")
+                for file_format in FORMATS.values():
+                    if file_format.suffixes[0] != RECORDINGS[0]:  # the recording itself
+                        make = partial(self._make, "export", file_format.suffixes[0])
+                        ui.item(f"{file_format.name} ({file_format.suffixes[0]})", on_click=make).tooltip(
+                            f"lost: {file_format.loses}"
+                        )
 
     def _describe(self) -> None:
         """Update the default name, and what a start would do."""
@@ -108,13 +110,17 @@ class RunPage:
             self._proposed = f"{stem}{of_kind}{kind.makes[0]}"
             self._output.set_value(self._proposed)
         self._options.set_visibility(self._kind.value == "run")
-        found = self.tab.assessment
-        problem = "" if found is None or self._kind.value in ("trade", "dataset") else found.problem or found.refusal
+        assessment = self.tab.assessment
+        problem = (
+            ""
+            if assessment is None or self._kind.value in ("trade", "dataset")
+            else assessment.problem or assessment.refusal
+        )
         text = problem or f"{document.title}: {kind.title.lower()}"
-        if not problem and self._kind.value == "run" and found is not None and found.scenario is not None:
+        if not problem and self._kind.value == "run" and assessment is not None and assessment.scenario is not None:
             rate_hz = next((job.rate_hz for job in reversed(self.jobs.jobs) if job.rate_hz), _USUAL_HZ)
             try:
-                text = estimate_run(found.scenario, (self._frames.value or "").strip(), rate_hz)
+                text = estimate_run(assessment.scenario, (self._frames.value or "").strip(), rate_hz)
             except RsoLidarError as error:
                 text = problem = str(error)
         self._note.set_text(text)
@@ -155,8 +161,8 @@ class RunPage:
             if output.exists() or has_frames:
                 answers = {"resume": "Resume"} if has_frames else {}
                 answers |= {} if request.kind == "dataset" else {"replace": "Replace"}
-                found = "has frames of an interrupted run" if has_frames else "exists"
-                answer = await ask(f"{request.output}: {found}", answers)
+                state = "has frames of an interrupted run" if has_frames else "exists"
+                answer = await ask(f"{request.output}: {state}", answers)
                 if answer is None:
                     return
                 request = replace(request, resume=answer == "resume", overwrite=answer == "replace")

@@ -183,9 +183,9 @@ class SeePage:
     def _click(self, event: events.MouseEventArguments) -> None:
         if self.frame is None:
             return
-        found = find_pixel(choose_window(self.frame, whole=self.whole), event.image_x, event.image_y)
-        if found:
-            self.row.value, self.col.value = found
+        pixel = find_pixel(choose_window(self.frame, whole=self.whole), event.image_x, event.image_y)
+        if pixel:
+            self.row.value, self.col.value = pixel
 
     def _choose(self) -> None:
         if self.frame is not None:
@@ -227,16 +227,16 @@ class SeePage:
             element.classes("studio-old") if text else element.classes(remove="studio-old")
 
     async def _fly(self) -> None:
-        made = self.tab.assessment
-        if made is None or made is self.flown:
+        assessment = self.tab.assessment
+        if assessment is None or assessment is self.flown:
             return
-        self.flown = made
-        if made.scenario is None or not made.is_ready:
-            self._complain(made.problem or made.refusal)
+        self.flown = assessment
+        if assessment.scenario is None or not assessment.is_ready:
+            self._complain(assessment.problem or assessment.refusal)
             return
         self.note.text = _FIRST if self.flight is None else "Working."
-        flight = await self._work(PreviewFlight.of, made.text, made.scenario)
-        models = await self._work(lambda: {name: one.tobytes() for name, one in flight.surfaces.items()})
+        flight = await self._work(PreviewFlight.of, assessment.text, assessment.scenario)
+        models = await self._work(lambda: {name: corners.tobytes() for name, corners in flight.surfaces.items()})
         _models.update(models)
         for name in list(_models)[:-_MOST_MODELS]:
             del _models[name]
@@ -256,10 +256,10 @@ class SeePage:
 
     async def _work(self, action: Callable[..., T], *arguments: Any) -> T:
         """Return the result of work done in a thread; cancel the task where the studio is ending or the tab has closed."""
-        made = await run.io_bound(action, *arguments)
-        if made is None or self.key not in _shelves:
+        result = await run.io_bound(action, *arguments)
+        if result is None or self.key not in _shelves:
             raise asyncio.CancelledError
-        return made
+        return result
 
     def _put(self, name: str, content: bytes, kind: str) -> str:
         """Keep what the browser is to fetch, and return its address."""
@@ -288,8 +288,8 @@ class SeePage:
             self.frame = frame = await self._work(flight.frame, row, keep)
             if shown == "cloud":
                 colour, axes = self.colour.value, self.cloud_axes.value
-                made = await self._work(draw_cloud, frame, scheme, colour, axes)
-                self.cloud.show(self._put("cloud", made, "application/octet-stream"))
+                cloud_bytes = await self._work(draw_cloud, frame, scheme, colour, axes)
+                self.cloud.show(self._put("cloud", cloud_bytes, "application/octet-stream"))
             else:
                 await self._show_image(flight, row, frame)
         self.note.text = self.note.text if self.problem.visible else ""

@@ -39,15 +39,15 @@ class DispersedFlight:
         self.flight, self.sample_s = flight, sample_s
         # A correction aims at an instant that may lie behind the last sample; the runs end there all the same.
         last_s = float(sample_s[-1])
-        due = [one for one in flight.updates if one.time_s <= last_s + DeviationFlow.TIE_S]
-        node_s = flight.list_nodes_s(max([last_s, *(one.aim_s for one in due)]), sample_s)
+        due = [update for update in flight.updates if update.time_s <= last_s + DeviationFlow.TIE_S]
+        node_s = flight.list_nodes_s(max([last_s, *(update.aim_s for update in due)]), sample_s)
         self.node_s = node_s[np.append(True, np.diff(node_s) > DeviationFlow.TIE_S)]
         self.flow = DeviationFlow(self.node_s, flight.craft_m, flight.forces, flight.start_utc)
         self.axes, self.turn_rad_s = flight.chief_axes(self.node_s)
         self.sample = np.array([self.find_node(at_s) for at_s in sample_s])
         self.burns = [self._sum_burns(node) for node in range(len(self.node_s))]
         self.last = int(self.sample[-1])
-        self.updates = {self.find_node(one.time_s): self.find_node(one.aim_s) for one in due}
+        self.updates = {self.find_node(update.time_s): self.find_node(update.aim_s) for update in due}
         self.root = _find_root(covariance)
         self.target_root: np.ndarray | None = None
         if target_covariance is not None:
@@ -72,8 +72,8 @@ class DispersedFlight:
             for node in range(len(self.node_s) - 1)
             if self.thrust is not None and self.find_leg(node) is not None
         }
-        found = flight.navigation
-        self.filter = None if isinstance(found, NavigationErrors) else FilterNodes(found, flight, self.node_s)
+        navigation = flight.navigation
+        self.filter = None if isinstance(navigation, NavigationErrors) else FilterNodes(navigation, flight, self.node_s)
 
     @property
     def filter_is_held(self) -> bool:
@@ -139,7 +139,7 @@ class DispersedFlight:
 
     def _sum_burns(self, node: int) -> np.ndarray | None:
         at_s = self.node_s[node]
-        here = [one.delta_v_m_s for one in self.flight.burns if abs(one.time_s - at_s) <= DeviationFlow.TIE_S]
+        here = [burn.delta_v_m_s for burn in self.flight.burns if abs(burn.time_s - at_s) <= DeviationFlow.TIE_S]
         return np.sum(here, axis=0) if here else None
 
     def _find_gain(self, now: int, aim: int) -> tuple[np.ndarray, np.ndarray]:

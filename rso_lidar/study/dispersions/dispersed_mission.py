@@ -102,9 +102,17 @@ class DispersedMission:
         lines.append(f"  in the field      origin {origin:.1%}, whole body {whole:.1%} of the samples")
         lines.append(f"  P(detected by the end) {last['detected_probability']:.4g}")
         nearest = np.percentile(self.table["nearest_m"], PERCENTILES)
-        lines.append("  nearest approach  " + " / ".join(f"{one:,.1f}" for one in nearest) + " m (2.5, 50, 97.5 %)")
+        lines.append(
+            "  nearest approach  "
+            + " / ".join(f"{percentile_m:,.1f}" for percentile_m in nearest)
+            + " m (2.5, 50, 97.5 %)"
+        )
         spent = np.percentile(self.table["delta_v_m_s"], PERCENTILES)
-        lines.append("  delta-v of burns  " + " / ".join(f"{one:,.4f}" for one in spent) + " m/s (2.5, 50, 97.5 %)")
+        lines.append(
+            "  delta-v of burns  "
+            + " / ".join(f"{percentile_m_s:,.4f}" for percentile_m_s in spent)
+            + " m/s (2.5, 50, 97.5 %)"
+        )
         lines.append("  at the end            runs    linear  " + "".join(f"{name:>12}" for name in self.sources))
         for axis in _AXES:
             shares = "".join(f"{100.0 * last[f'{axis}_{name}_share']:10.1f} %" for name in self.sources)
@@ -242,27 +250,31 @@ def disperse(
         raise ScenarioError(
             "executor: needs an Executor of concurrent.futures, or client.get_executor() of dask, and no workers"
         )
-    made = MissionDisperser(scenario, _find_target(scenario, target))
-    kept = None if working is None else Path(f"{working}.{identify_runs(scenario, made.target)}.npz")
+    mission_disperser = MissionDisperser(scenario, _find_target(scenario, target))
+    kept = None if working is None else Path(f"{working}.{identify_runs(scenario, mission_disperser.target)}.npz")
     blocks = read_blocks(kept) if kept is not None else {}
     tell = on_runs or (lambda done, count: None)
     wanted = list(range(0, runs, BLOCK))
     tell(min(BLOCK * sum(begin in blocks for begin in wanted), runs), runs)
-    left = [one for one in wanted if one not in blocks]
-    flown = _fly_blocks(made, left, workers) if executor is None else _submit_blocks(made, left, executor)
+    left = [first_run for first_run in wanted if first_run not in blocks]
+    flown = (
+        _fly_blocks(mission_disperser, left, workers)
+        if executor is None
+        else _submit_blocks(mission_disperser, left, executor)
+    )
     for begin, block in flown:
         blocks[begin] = block
         if kept is not None:
             write_blocks(kept, blocks)
-        tell(min(BLOCK * sum(one in blocks for one in wanted), runs), runs)
+        tell(min(BLOCK * sum(first_run in blocks for first_run in wanted), runs), runs)
     joined = {name: np.concatenate([blocks[begin][name] for begin in wanted])[:runs] for name in blocks[wanted[0]]}
-    return replace(_join(made, joined), kept=kept)
+    return replace(_join(mission_disperser, joined), kept=kept)
 
 
 def _find_target(scenario: Scenario, target: str | None) -> str:
     if scenario.dispersion is None:
         raise ScenarioError("disperse: the scenario has no table dispersion; add [dispersion] with the errors")
-    names = [one.name for one in scenario.target]
+    names = [candidate.name for candidate in scenario.target]
     chief = get_chief_name(scenario.bodies[-1].motion)
     name = target or (chief if chief in names else next(iter(names), ""))
     if name not in names:
@@ -273,24 +285,28 @@ def _find_target(scenario: Scenario, target: str | None) -> str:
     return name
 
 
-def _fly_blocks(made: MissionDisperser, begins: list[int], workers: int | None) -> Iterator[tuple[int, Block]]:
+def _fly_blocks(
+    mission_disperser: MissionDisperser, begins: list[int], workers: int | None
+) -> Iterator[tuple[int, Block]]:
     """Fly blocks of runs, and yield each with its first run when it is finished."""
     if workers is None or workers < 2 or len(begins) < 2:
-        yield from ((begin, made.fly(range(begin, begin + BLOCK))) for begin in begins)
+        yield from ((begin, mission_disperser.fly(range(begin, begin + BLOCK))) for begin in begins)
         return
-    with Processes(min(workers, len(begins)), partial(_fly_block, made)) as processes:
+    with Processes(min(workers, len(begins)), partial(_fly_block, mission_disperser)) as processes:
         yield from processes.map_unordered(begins)
 
 
-def _submit_blocks(made: MissionDisperser, begins: list[int], executor: Executor) -> Iterator[tuple[int, Block]]:
+def _submit_blocks(
+    mission_disperser: MissionDisperser, begins: list[int], executor: Executor
+) -> Iterator[tuple[int, Block]]:
     """Fly blocks of runs by an executor, and yield each with its first run when it is finished.
 
     Parameters
     ----------
-    made, begins : as for `_fly_blocks`
+    mission_disperser, begins : as for `_fly_blocks`
     executor : whose workers may be other processes or machines; each block makes its flight anew there
     """
-    waiting = [executor.submit(_fly_block, copy.copy(made), begin) for begin in begins]
+    waiting = [executor.submit(_fly_block, copy.copy(mission_disperser), begin) for begin in begins]
     try:
         for future in as_completed(waiting):
             try:
@@ -302,25 +318,25 @@ def _submit_blocks(made: MissionDisperser, begins: list[int], executor: Executor
             future.cancel()
 
 
-def _fly_block(made: MissionDisperser, begin: int) -> tuple[int, Block]:
-    return begin, made.fly(range(begin, begin + BLOCK))
+def _fly_block(mission_disperser: MissionDisperser, begin: int) -> tuple[int, Block]:
+    return begin, mission_disperser.fly(range(begin, begin + BLOCK))
 
 
-def _join(made: MissionDisperser, block: Block) -> DispersedMission:
+def _join(mission_disperser: MissionDisperser, block: Block) -> DispersedMission:
     """Return the result of all runs."""
-    position = made.nominal_m + block.pop("deviation_m")
+    position = mission_disperser.nominal_m + block.pop("deviation_m")
     missed = block.pop("missed")
     error, stated, nees = (block.pop(name, None) for name in ("knowledge_error_m", "filter_sigma_m", "nees"))
-    linear, attitude = made.disperser.find_linear(), made.attitude
+    linear, attitude = mission_disperser.disperser.find_linear(), mission_disperser.attitude
     range_m = np.sqrt(np.sum(position**2, axis=2))
-    tubes: dict[str, np.ndarray] = {"time_s": made.sample_s}
+    tubes: dict[str, np.ndarray] = {"time_s": mission_disperser.sample_s}
     sigma = np.sqrt(np.diagonal(linear.covariance, axis1=1, axis2=2))
     total = np.maximum(sigma[:, :3] ** 2, 1e-300)
     for k, axis in enumerate(_AXES):
-        tubes[f"{axis}_m"] = made.nominal_m[:, k]
+        tubes[f"{axis}_m"] = mission_disperser.nominal_m[:, k]
         tubes[f"{axis}_sigma_m"] = position[:, :, k].std(axis=0, ddof=1)
         tubes[f"{axis}_linear_sigma_m"] = sigma[:, k]
-        for name in made.disperser.sources:
+        for name in mission_disperser.disperser.sources:
             tubes[f"{axis}_{name}_share"] = linear.shares[name][:, k] / total[:, k]
         for level, row in zip(PERCENTILES, np.percentile(position[:, :, k], PERCENTILES, axis=0), strict=True):
             tubes[f"{axis}_p{level:g}_m"] = row
@@ -333,30 +349,35 @@ def _join(made: MissionDisperser, block: Block) -> DispersedMission:
             tubes |= {f"{axis}_{word}_m": column for word, column in zip(KNOWLEDGE, columns, strict=True)}
         tubes["nees"] = nees.mean(axis=0)
     if attitude is not None:
-        in_body, planned = block.pop("in_body_m"), attitude.place(made.nominal_m)
-        linear_m = attitude.find_linear_sigma_m(made.nominal_m, linear.covariance[:, :3, :3])
+        in_body, planned = block.pop("in_body_m"), attitude.place(mission_disperser.nominal_m)
+        linear_m = attitude.find_linear_sigma_m(mission_disperser.nominal_m, linear.covariance[:, :3, :3])
         for k, axis in enumerate("xyz"):
             tubes[f"body_{axis}_m"] = planned[:, k]
             tubes[f"body_{axis}_sigma_m"] = in_body[:, :, k].std(axis=0, ddof=1)
             tubes[f"body_{axis}_linear_sigma_m"] = linear_m[:, k]
     tubes["detected_probability"] = 1.0 - missed.mean(axis=0)
     return DispersedMission(
-        made.scenario.name,
-        made.target,
+        mission_disperser.scenario.name,
+        mission_disperser.target,
         block,
         tubes,
-        made.hard_body_radius_m,
-        made.keep_out.radius_m,
-        (_describe_omissions(made),),
-        made.disperser.sources,
-        made.pointing,
+        mission_disperser.hard_body_radius_m,
+        mission_disperser.keep_out.radius_m,
+        (_describe_omissions(mission_disperser),),
+        mission_disperser.disperser.sources,
+        mission_disperser.pointing,
     )
 
 
-def _describe_omissions(made: MissionDisperser) -> str:
+def _describe_omissions(mission_disperser: MissionDisperser) -> str:
     """Describe what the runs leave out."""
     missing = [
-        word for word, has in (("orbit", TARGET in made.disperser.sources), ("attitude", made.attitude)) if not has
+        word
+        for word, has in (
+            ("orbit", TARGET in mission_disperser.disperser.sources),
+            ("attitude", mission_disperser.attitude),
+        )
+        if not has
     ]
     own = f"errors of the target's own {' and '.join(missing)}, and " if missing else ""
     return f"left out: {own}{_OMITS}"

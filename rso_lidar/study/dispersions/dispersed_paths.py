@@ -108,9 +108,9 @@ class Disperser:
                 known = self._find_known(node, state - beside, bank, drawn)
                 if not without_burns:
                     velocity, arrival = (apply_matrix(gain, known) for gain in at.gains[node])
-                    made = np.sqrt(np.sum(velocity**2, axis=0)) >= self.flight.least_m_s
-                    change = np.where(made, apply_matrix(axes.T, velocity), 0.0)
-                    pending, aim = np.where(made, arrival, 0.0), at.updates[node]
+                    is_executed = np.sqrt(np.sum(velocity**2, axis=0)) >= self.flight.least_m_s
+                    change = np.where(is_executed, apply_matrix(axes.T, velocity), 0.0)
+                    pending, aim = np.where(is_executed, arrival, 0.0), at.updates[node]
             elif node == aim:
                 change, pending = apply_matrix(axes.T, pending), np.zeros((3, n_runs))
             if node in at.burning:
@@ -276,5 +276,5 @@ def find_nees(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     unit = covariance / (scale[:, :, None] * scale[:, None, :])
     normal = error.T / scale
-    found: np.ndarray = np.sum(normal * np.linalg.solve(unit, normal[..., None])[..., 0], axis=1)
-    return found
+    nees: np.ndarray = np.sum(normal * np.linalg.solve(unit, normal[..., None])[..., 0], axis=1)
+    return nees

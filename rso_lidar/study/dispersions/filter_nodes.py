@@ -51,12 +51,12 @@ class FilterNodes:
         """
         reference = self._reference[node][:, None]
         true_m = reference + state[:3]
-        made: list[ScalarUpdate] = []
+        updates: list[ScalarUpdate] = []
         for k, sensor in enumerate(self.part.sensors):
             if self._clear[node][k]:
                 own = numbers[PER_SENSOR * k : PER_SENSOR * (k + 1)]
-                made += bank.observe(sensor, reference, true_m, own)
-        return made
+                updates += bank.observe(sensor, reference, true_m, own)
+        return updates
 
 
 def find_burn_covariance(thrusters: Thrusters, command_m_s: np.ndarray) -> np.ndarray:

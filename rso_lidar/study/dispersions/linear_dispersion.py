@@ -93,7 +93,7 @@ class _SourceColumns:
             return
         root = np.transpose(np.linalg.qr(self.matrix[:, chosen].T)[1])
         self.matrix = np.hstack([self.matrix[:, ~chosen], root])
-        self.labels = [one for one in self.labels if one != "navigation"] + ["navigation"] * root.shape[1]
+        self.labels = [label for label in self.labels if label != "navigation"] + ["navigation"] * root.shape[1]
 
 
 def list_sources(flight: DispersedFlight) -> tuple[str, ...]:
@@ -144,13 +144,13 @@ def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
         if node < flight.last:
             _carry(flight, bank, node, columns)
     rows = [kept[node] for node in flight.sample]
-    made = np.stack([one @ one.T for one, _ in rows])
+    covariance = np.stack([matrix @ matrix.T for matrix, _ in rows])
     parts = {
-        name: np.stack([np.sum(one[:3, labels == name] ** 2, axis=1) for one, labels in rows])
+        name: np.stack([np.sum(matrix[:3, labels == name] ** 2, axis=1) for matrix, labels in rows])
         for name in list_sources(flight)
     }
     knowledge = np.stack([known_at[node] @ known_at[node].T for node in flight.sample]) if known_at else None
-    return LinearDispersion(made, parts, knowledge)
+    return LinearDispersion(covariance, parts, knowledge)
 
 
 def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _SourceColumns) -> None:
@@ -159,12 +159,12 @@ def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _Sou
     assert filters is not None
     if node not in filters:
         return
-    for one in filters.observe(bank, node, np.zeros((ORBIT_STATES, 1)), np.zeros((filters.per_instant, 1))):
-        slope, gain = one.slope[:, 0], one.gain[:, 0]
+    for update in filters.observe(bank, node, np.zeros((ORBIT_STATES, 1)), np.zeros((filters.per_instant, 1))):
+        slope, gain = update.slope[:, 0], update.gain[:, 0]
         apart = slope @ (columns.relative[:3] - columns.estimate[:3])
         columns.estimate[:] += np.outer(gain, apart)
         columns.widen(1, "navigation")
-        columns.estimate[:, -1] = gain * one.sigma[0]
+        columns.estimate[:, -1] = gain * update.sigma[0]
     bank.state[:] = 0.0
     columns.compress()
 

@@ -55,23 +55,23 @@ class MissionDisperser:
     def flashes(self) -> np.ndarray:
         """Number of flashes (time,) from each sample to the next."""
         counted = np.diff(self.sample_s, append=self.sample_s[-1]) * self.scenario.time.frame_rate_hz
-        made: np.ndarray = np.maximum(counted.round(), 1.0)
-        return made
+        n_flashes: np.ndarray = np.maximum(counted.round(), 1.0)
+        return n_flashes
 
     @cached_property
     def disperser(self) -> Disperser:
         """The flight that is dispersed."""
         bodies, start_utc = self.scenario.bodies, self.scenario.time.start_utc
         with self.scenario.locate_errors(), suppress_warnings():
-            found = find_nominal_flight(bodies[-1], bodies, start_utc, self.target, float(self.sample_s[-1]))
-            found = replace(
-                found,
-                thrusters=self.dispersion.thrusters or found.thrusters,
-                navigation=self.dispersion.navigation or found.navigation,
+            nominal = find_nominal_flight(bodies[-1], bodies, start_utc, self.target, float(self.sample_s[-1]))
+            nominal = replace(
+                nominal,
+                thrusters=self.dispersion.thrusters or nominal.thrusters,
+                navigation=self.dispersion.navigation or nominal.navigation,
             )
             errors = self.dispersion.target
             beside = errors.start_covariance if errors is not None and np.any(errors.start_covariance) else None
-            return Disperser(DispersedFlight(found, self.sample_s, self.dispersion.start_covariance, beside))
+            return Disperser(DispersedFlight(nominal, self.sample_s, self.dispersion.start_covariance, beside))
 
     @cached_property
     def attitude(self) -> TargetAttitude | None:
@@ -90,16 +90,16 @@ class MissionDisperser:
         flight = self.disperser.flight
         axes, _ = flight.chief_axes(self.sample_s)
         chief = Chief(self.scenario.bodies, self.target).states(Epochs(flight.start_utc, self.sample_s))
-        made: np.ndarray = np.einsum("tji,tj->ti", axes, flight.craft_m(self.sample_s) - chief.position_m)
-        return made
+        position_m: np.ndarray = np.einsum("tji,tj->ti", axes, flight.craft_m(self.sample_s) - chief.position_m)
+        return position_m
 
     @cached_property
     def keep_out(self) -> KeepOutSphere:
         """The keep-out sphere of the plan, or of the scenario's constraints."""
         limits, flown = self.scenario.constraints, self.scenario.follower.motion
-        found = getattr(getattr(flown, "plan", flown), "keep_out", None)
-        if isinstance(found, KeepOutSphere) and found.radius_m > 0.0:
-            return found
+        keep_out = getattr(getattr(flown, "plan", flown), "keep_out", None)
+        if isinstance(keep_out, KeepOutSphere) and keep_out.radius_m > 0.0:
+            return keep_out
         return KeepOutSphere((limits.radius_m(self.target) if limits is not None else None) or 0.0)
 
     @cached_property
@@ -107,7 +107,7 @@ class MissionDisperser:
         """Distance from the target's origin that counts as a collision [m]."""
         if self.dispersion.hard_body_radius_m is not None:
             return self.dispersion.hard_body_radius_m
-        return next(one.radius_m for one in self.scenario.surfaces if one.body == self.target)
+        return next(surface.radius_m for surface in self.scenario.surfaces if surface.body == self.target)
 
     @cached_property
     def pointing(self) -> str:
@@ -146,8 +146,8 @@ class MissionDisperser:
             for run in runs
         ]
         errors = np.stack([fix.standard_normal(position_m.shape[1:]) for fix in fixes])
-        made: np.ndarray = position_m + navigation.position_sigma_m * errors
-        return made
+        aim_m: np.ndarray = position_m + navigation.position_sigma_m * errors
+        return aim_m
 
     def draw(self, runs: range) -> np.ndarray:
         """Return standard normal numbers (run, number): three of the instrument, those of the flight, those of attitude."""

@@ -74,8 +74,8 @@ class NominalFlight:
         sample_s : (time,) instants of the samples [s]
         """
         ends = [edge for span in self.held_s for edge in span]
-        events = [*(one.time_s for one in self.burns), *ends]
-        events += [at_s for one in self.updates for at_s in (one.time_s, one.aim_s)]
+        events = [*(burn.time_s for burn in self.burns), *ends]
+        events += [at_s for update in self.updates for at_s in (update.time_s, update.aim_s)]
         if isinstance(self.navigation, RelativeFilter):
             events += self.navigation.list_instants_s(0.0, until_s).tolist()
         inside = [at_s for at_s in events if 0.0 <= at_s <= until_s]
@@ -110,7 +110,7 @@ def find_nominal_flight(
             )
         thrusters, navigation = motion.thrusters, motion.navigation
         exact = body.replace(motion=motion.without_random_errors())
-        bodies = [exact if one is body else one for one in bodies]
+        bodies = [exact if other is body else other for other in bodies]
         flight = find_flight(exact, bodies, start_utc)
         assert flight is not None
         plan, forces, commands = flight.plan, flight.settings.forces, flight.list_commands(until_s)
@@ -122,7 +122,7 @@ def find_nominal_flight(
                 for now_s, next_s in itertools.pairwise((*instants, math.inf))
             ]
     elif (plan := find_plan(body, bodies, start_utc)) is not None:
-        commands = tuple(one for one in plan.impulses if one.time_s <= until_s)
+        commands = tuple(impulse for impulse in plan.impulses if impulse.time_s <= until_s)
     if plan is not None:
         ends = [*(leg.begin_s for leg in plan.legs[1:]), math.inf]
         held = [

@@ -52,7 +52,7 @@ class Sight:
     def __init__(self, scenario: Scenario, target: str, samples: int) -> None:
         preview = preview_mission(scenario, samples)
         poses, count, axes = preview.truth.poses, len(preview.time_s), f"{target}.rtn"
-        number = [one.name for one in scenario.target].index(target)
+        number = [candidate.name for candidate in scenario.target].index(target)
         place_m, matrix = poses.place(axes, "lidar")
         place_m = np.broadcast_to(place_m, (count, 3))
         self._lidar_from_rtn = np.swapaxes(np.broadcast_to(matrix, (count, 3, 3)), 1, 2)
@@ -149,7 +149,7 @@ def make_detection(
             return np.zeros_like(at_m)
         photons = np.interp(np.log(np.maximum(at_m, grid[0])), np.log(grid), light) + np.log(energy)
         is_armed = np.interp(at_m, grid, armed[number[sample]].astype(float)) > 0.0
-        made: np.ndarray = np.where(is_armed, np.interp(photons, known, chance), 0.0)
-        return made
+        probability: np.ndarray = np.where(is_armed, np.interp(photons, known, chance), 0.0)
+        return probability
 
     return find

@@ -32,9 +32,9 @@ def resolve_element_sets(scenario: Scenario, target: str) -> Dispersion:
     if dispersion.start is not None:
         changes |= _resolve(dispersion, scenario, target, "dispersion.start")
     if dispersion.target is not None and dispersion.target.start is not None:
-        found = _resolve(dispersion.target, scenario, target, "dispersion.target.start")
+        fields = _resolve(dispersion.target, scenario, target, "dispersion.target.start")
         with suppress_warnings():  # about units: these numbers are computed
-            changes["target"] = dispersion.target.replace(**found)
+            changes["target"] = dispersion.target.replace(**fields)
     with suppress_warnings():
         return dispersion.replace(**changes) if changes else dispersion
 
@@ -71,7 +71,7 @@ def find_set_covariance(errors: ElementSetErrors, scenario: Scenario) -> np.ndar
     age_days = errors.age_days
     if age_days is None:
         at = Epochs(scenario.time.start_utc, np.zeros(1))
-        age_days = min(abs(float(at.since(one.epoch_utc)[0])) for one in sets) / units.DAY_S
+        age_days = min(abs(float(at.since(element_set.epoch_utc)[0])) for element_set in sets) / units.DAY_S
     with add_place(errors.file):
         return estimate_set_errors(list(sets)).covariance_at(age_days)
 
@@ -96,8 +96,8 @@ class TargetAttitude:
 
     def place(self, position_m: np.ndarray) -> np.ndarray:
         """Return positions (…, time, 3) in body axes without errors of attitude from those in rtn axes [m]."""
-        made: np.ndarray = np.einsum("tij,...tj->...ti", self._body_from_rtn, position_m)
-        return made
+        in_body_m: np.ndarray = np.einsum("tij,...tj->...ti", self._body_from_rtn, position_m)
+        return in_body_m
 
     def place_runs(self, position_m: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """Return positions of runs in the target's body axes.
@@ -116,8 +116,8 @@ class TargetAttitude:
         constant, drift = numbers[:, None, :3] * self._sigma_rad[0], numbers[:, None, 3:] * self._sigma_rad[1]
         turned = constant + drift * self._time_s[:, None]
         back = Rotation.from_rotvec(-turned.reshape(-1, 3))
-        made: np.ndarray = back.apply(self.place(position_m).reshape(-1, 3)).reshape(position_m.shape)
-        return made
+        in_body_m: np.ndarray = back.apply(self.place(position_m).reshape(-1, 3)).reshape(position_m.shape)
+        return in_body_m
 
     def find_linear_sigma_m(self, nominal_m: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         """Return standard deviations (time, 3) [m] in body axes by linear covariance.
@@ -129,7 +129,7 @@ class TargetAttitude:
         """
         turn = self._body_from_rtn
         whole = turn @ covariance @ np.swapaxes(turn, 1, 2)
-        crossed = np.stack([skew(one) for one in self.place(nominal_m)])  # p x theta
+        crossed = np.stack([skew(place_m) for place_m in self.place(nominal_m)])  # p x theta
         angles = self._sigma_rad[0] ** 2 + (self._time_s[:, None] * self._sigma_rad[1]) ** 2
         whole = whole + np.einsum("tij,tj,tkj->tik", crossed, angles, crossed)
         sigma: np.ndarray = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))

@@ -52,7 +52,7 @@ def check_frames(given: Any) -> Any:
     """Check frames, given as text ``A:B:STEP`` or as indices."""
     if given is None or (isinstance(given, str) and re.fullmatch(r"\d*:\d*(:[1-9]\d*)?", given)):
         return given
-    if isinstance(given, list | tuple) and given and all(type(one) is int and one >= 0 for one in given):
+    if isinstance(given, list | tuple) and given and all(type(frame) is int and frame >= 0 for frame in given):
         return tuple(given)
     raise ValueError(f"needs text such as '0:2700:100' (from, end, step), or a list of frames, not {given!r:.60}")
 
@@ -162,14 +162,14 @@ class Axis(Part):
     def at(self, share: np.ndarray) -> list[Any]:
         """Return the values at relative positions (point) along the axis, from 0 to below 1."""
         if self.values is not None:
-            return [self.values[int(one * len(self.values))] for one in share.tolist()]
+            return [self.values[int(fraction * len(self.values))] for fraction in share.tolist()]
         assert self.low is not None
         assert self.high is not None
         if self.scale == "log":
             spread = self.low * (self.high / self.low) ** share
         else:
             spread = self.low + (self.high - self.low) * share
-        return [float(f"{one:.12g}") for one in spread.tolist()]
+        return [float(f"{value:.12g}") for value in spread.tolist()]
 
     def grid(self) -> tuple[Any, ...]:
         """Return the values of a grid."""
@@ -182,7 +182,7 @@ class Axis(Part):
     def settings(self, value: Any) -> dict[str, str]:
         """Return the TOML text of a value by field."""
         each = value if len(self.field) > 1 and isinstance(value, list) else [value] * len(self.field)
-        return {field: write_toml_value(one) for field, one in zip(self.field, each, strict=True)}
+        return {field: write_toml_value(field_value) for field, field_value in zip(self.field, each, strict=True)}
 
 
 class Report(Part):
@@ -320,7 +320,7 @@ class Study(FilePart):
         ----------
         scenario : in which the target is
         """
-        names = [one.name for one in scenario.target]
+        names = [target.name for target in scenario.target]
         if not names:
             raise ScenarioError("target: the scenario has no target; add a [[target]]")
         if self.target is not None and self.target not in names:
@@ -362,13 +362,13 @@ def write_toml_value(value: Any) -> str:
     if isinstance(value, int | float):
         return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(write_toml_value(one) for one in value) + "]"
+        return "[" + ", ".join(write_toml_value(item) for item in value) + "]"
     if isinstance(value, dict):
         return (
             "{ "
             + ", ".join(
-                f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key)} = {write_toml_value(one)}"
-                for key, one in value.items()
+                f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key)} = {write_toml_value(item)}"
+                for key, item in value.items()
             )
             + " }"
         )

@@ -226,7 +226,7 @@ class TradeRun:
             return []
         start = self.kept.name.rpartition("-")[0]
         beside = sorted(self.kept.parent.iterdir())
-        return [one.name for one in beside if one.name.startswith(f"{start}-") and one.name != self.kept.name]
+        return [path.name for path in beside if path.name.startswith(f"{start}-") and path.name != self.kept.name]
 
     def finish(self, on_row: Callable[[int, int], None] | None = None) -> Trade:
         """Run the rows that are not finished.
@@ -305,11 +305,11 @@ def _tabulate_rows(plan: TradePlan, base: Scenario, known: dict[int, Row]) -> Tr
                 table[field] = _tabulate_field(axis, values, column)
     table |= {name: np.array([row["merits"][name] for row in rows], dtype=float) for name in study.judged_by}
     table["error"] = np.array([row["error"] for row in rows])
-    made = Trade(study, base, plan, table)
-    if made.needs_detection:
-        table["detected"] = np.repeat(made.detected, study.seeds).astype(int)
+    finished_trade = Trade(study, base, plan, table)
+    if finished_trade.needs_detection:
+        table["detected"] = np.repeat(finished_trade.detected, study.seeds).astype(int)
         table["min_detection_fraction"] = np.full(len(rows), study.min_detection_fraction)
-    return made
+    return finished_trade
 
 
 def _tabulate_field(axis: Axis, values: list[Any], column: int) -> np.ndarray:

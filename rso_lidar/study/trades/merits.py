@@ -130,13 +130,13 @@ def _time_in_field_s(run: Run) -> float:
 
 def _found_probability(run: Run) -> float:
     truth = fly_open_loop(run.scenario, run.frames)[0]
-    found = []
+    probabilities = []
     for row in range(len(run.frames)):
         there = truth.at(row)
         lidar = run.scenario.instrument.at(float(there.time_s))
         seen = cast_surfaces(lidar, run.scenario.surfaces, there, run.number)
-        found.append(find_probability(lidar, seen, run.scenario.finding, stream=int(run.frames[row])))
-    return float(np.mean(found))
+        probabilities.append(find_probability(lidar, seen, run.scenario.finding, stream=int(run.frames[row])))
+    return float(np.mean(probabilities))
 
 
 MERITS = {

@@ -36,14 +36,14 @@ class TradePlan:
     def scenario(self, row: int) -> Scenario:
         """Load the scenario of a row, or raise `ScenarioError`."""
         changes = tuple(f"{field}={text}" for field, text in self.settings(row).items())
-        made = Scenario.loads(
+        scenario = Scenario.loads(
             self.text,
             folder=self.folder,
             where=self.where,
             settings=(*self.study.set, *changes),
             trust_code=self.trust_code,
         )
-        return made.with_trusted_fmus() if self.trust_fmu else made
+        return scenario.with_trusted_fmus() if self.trust_fmu else scenario
 
     def settings(self, row: int) -> dict[str, str]:
         """Return the TOML text of each field that a row sets."""

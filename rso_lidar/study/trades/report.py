@@ -149,7 +149,7 @@ def _tabulate_merits(names: Sequence[str]) -> str:
 def _write_best(trade: TradeTable) -> list[str]:
     names = trade.study.merits
     leaders = [(name, rank_points(trade, name)) for name in names]
-    made = [
+    fragments = [
         "<h3>The best of each figure of merit</h3>",
         _tabulate_points(
             trade, [(_describe_lead(trade, name, points), int(points[0])) for name, points in leaders if points.size]
@@ -164,8 +164,8 @@ def _write_best(trade: TradeTable) -> list[str]:
         stand = find_pareto_front(trade)
         points = [point for point in leaders[0][1].tolist() if stand[point]]
         more = f" (the first {_LISTED} of {len(points):,})" if len(points) > _LISTED else ""
-        made.append(f"<h3>Points that no other beats in every figure of merit{more}</h3>")
-        made.append(
+        fragments.append(f"<h3>Points that no other beats in every figure of merit{more}</h3>")
+        fragments.append(
             _tabulate_points(trade, [("", point) for point in points[:_LISTED]])
             if points
             else "<p>None is ranked in all of them.</p>"
@@ -173,9 +173,9 @@ def _write_best(trade: TradeTable) -> list[str]:
     if unranked := describe_unranked(trade):
         left = np.flatnonzero(np.isfinite(trade.of_points(DETECTION)[0]) & ~trade.detected).tolist()
         more = f" (the first {_LISTED} of {len(left):,})" if len(left) > _LISTED else ""
-        made.append(f"<h3>Points that are not ranked{more}</h3><p>{escape(unranked)}.</p>")
-        made.append(_tabulate_points(trade, [("", point) for point in left[:_LISTED]]))
-    return made
+        fragments.append(f"<h3>Points that are not ranked{more}</h3><p>{escape(unranked)}.</p>")
+        fragments.append(_tabulate_points(trade, [("", point) for point in left[:_LISTED]]))
+    return fragments
 
 
 def _explain_ranking(trade: TradeTable) -> list[str]:
@@ -222,7 +222,7 @@ def _format_cells(trade: TradeTable, point: int) -> Iterable[str]:
 def _draw_plots(trade: TradeTable, scheme: Scheme) -> list[str]:
     """Draw main effects, maps over pairs of axes of a grid, and figures of merit against each other."""
     axes = [_build_quantity(trade, axis) for axis in trade.study.axis]
-    made, shown = [], []
+    fragments, shown = [], []
     for merit in (MERITS[name] for name in trade.study.merits):
         values = trade.table[merit.name]
         alike = _find_common_value(values)
@@ -230,16 +230,16 @@ def _draw_plots(trade: TradeTable, scheme: Scheme) -> list[str]:
             held = ~np.repeat(trade.ranked(merit.name), trade.study.seeds)
             shown.append((Quantity(name_merit(merit), values, _spans_decades(values), unranked=held), merit))
         elif math.isfinite(alike):
-            made.append(f"<p>{escape(name_merit(merit))} is {format_value(alike)} at all points.</p>")
+            fragments.append(f"<p>{escape(name_merit(merit))} is {format_value(alike)} at all points.</p>")
     for value, merit in shown:
         figure = effects_figure(value, axes, merit.better)
-        made.append(html_page.embed_figure(figure, f"{value.name} along each axis", scheme=scheme))
+        fragments.append(html_page.embed_figure(figure, f"{value.name} along each axis", scheme=scheme))
     if isinstance(trade.study.sampling, Grid):
         maps = [(maps_figure(value, axes, merit.better), value.name) for value, merit in shown]
         drawn = [
             html_page.embed_figure(f, f"{name} over pairs of axes", scheme=scheme) for f, name in maps if f is not None
         ]
-        made += ["<h2>Over pairs of axes</h2>", *drawn] if drawn else []
+        fragments += ["<h2>Over pairs of axes</h2>", *drawn] if drawn else []
     means = [
         Quantity(value.name, trade.of_points(merit.name)[0], value.log, unranked=~trade.ranked(merit.name))
         for value, merit in shown
@@ -248,8 +248,8 @@ def _draw_plots(trade: TradeTable, scheme: Scheme) -> list[str]:
     against = against_figure(means, [merit.better for _, merit in shown], by, find_pareto_front(trade))
     if against is not None:
         words = "Figures of merit against each other"
-        made += ["<h2>Against each other</h2>", html_page.embed_figure(against, words, scheme=scheme)]
-    return made
+        fragments += ["<h2>Against each other</h2>", html_page.embed_figure(against, words, scheme=scheme)]
+    return fragments
 
 
 def _find_common_value(values: np.ndarray) -> float | None:
@@ -320,14 +320,14 @@ def _write_study(trade: TradeTable) -> str:
 
 
 def _draw_frames(trade: TradeTable, scheme: Scheme) -> list[str]:
-    made = []
+    fragments = []
     frames = {point: _try_frame(trade, point * trade.study.seeds) for point, _ in choose_pictured(trade)}
     parts = rank_parts([frame for frame in frames.values() if isinstance(frame, Frame)])
     for point, why in choose_pictured(trade):
         row, frame = point * trade.study.seeds, frames[point]
-        made.append(f"<h3>{escape(why)} (row {row})</h3>")
+        fragments.append(f"<h3>{escape(why)} (row {row})</h3>")
         if isinstance(frame, RsoLidarError):
-            made.append(f"<p>{escape(str(frame))}</p>")
+            fragments.append(f"<p>{escape(str(frame))}</p>")
             continue
         with suppress_warnings():
             merits = ", ".join(
@@ -336,10 +336,10 @@ def _draw_frames(trade: TradeTable, scheme: Scheme) -> list[str]:
             )
             command = escape(_write_command(trade, row, frame.index))
             caption = f"{escape(merits)}, over the whole run.<br><code>{command}</code>"
-            made.append(
+            fragments.append(
                 html_page.embed_figure(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption, scheme)
             )
-    return ["<h2>Frames</h2>", *made] if made else []
+    return ["<h2>Frames</h2>", *fragments] if fragments else []
 
 
 def _write_command(trade: TradeTable, row: int, frame: int) -> str:

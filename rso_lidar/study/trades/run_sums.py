@@ -50,17 +50,17 @@ def sum_frame(frame: Frame, number: int, size_m: float, least_pixels: int) -> Fr
     labels = frame.labels
     on_target = (labels.filled_fraction > 0.0) & (labels.target == number)
     error_m = np.where(frame.valid, np.asarray(frame.range_m, dtype=float), np.nan) - labels.range_m
-    found = on_target & (np.abs(error_m) <= size_m)
-    steps = np.log(np.maximum(np.abs(error_m[found]), _LEAST_M) / _LEAST_M) / _STEP
+    is_found = on_target & (np.abs(error_m) <= size_m)
+    steps = np.log(np.maximum(np.abs(error_m[is_found]), _LEAST_M) / _LEAST_M) / _STEP
     bins = np.minimum(steps.astype(int), _BINS - 1)
     first = int(bins.min(initial=_BINS - 1))
     return FrameSums(
         frames=1.0,
         pixels=float(on_target.sum()),
-        found=float(found.sum()),
+        found=float(is_found.sum()),
         false=float((frame.valid & (labels.target < 0)).sum()),
-        hits=float(found.sum() >= least_pixels),
-        squared_m2=float(np.sum(error_m[found] ** 2)),
+        hits=float(is_found.sum() >= least_pixels),
+        squared_m2=float(np.sum(error_m[is_found] ** 2)),
         photons=float(np.sum(labels.photons[on_target], dtype=float)),
         first=first,
         counts=np.bincount(bins - first).astype(float),
@@ -111,16 +111,16 @@ def combine_sums(parts: Sequence[FrameSums], weights: np.ndarray) -> Iterator[Ru
     ----------
     weights : (replicate, part) how often each part counts
     """
-    low = min(one.first for one in parts)
-    high = max(one.first + len(one.counts) for one in parts)
+    low = min(part.first for part in parts)
+    high = max(part.first + len(part.counts) for part in parts)
     histogram = np.zeros((len(parts), high - low))
-    for row, one in zip(histogram, parts, strict=True):
-        row[one.first - low : one.first - low + len(one.counts)] = one.counts
-    columns = np.array([[getattr(one, name) for name in _SUMMED] for one in parts])
+    for row, frame_sums in zip(histogram, parts, strict=True):
+        row[frame_sums.first - low : frame_sums.first - low + len(frame_sums.counts)] = frame_sums.counts
+    columns = np.array([[getattr(part, name) for name in _SUMMED] for part in parts])
     rows = max(1, _MOST_WEIGHTS // (high - low + 1))
     for start in range(0, len(weights), rows):
         some = weights[start : start + rows]
         for sums, counts in zip(some @ columns, some @ histogram, strict=True):
-            made = RunSums(0, 0.0)
-            made.include(FrameSums(**dict(zip(_SUMMED, sums.tolist(), strict=True)), first=low, counts=counts))
-            yield made
+            total = RunSums(0, 0.0)
+            total.include(FrameSums(**dict(zip(_SUMMED, sums.tolist(), strict=True)), first=low, counts=counts))
+            yield total

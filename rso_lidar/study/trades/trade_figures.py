@@ -185,7 +185,7 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
     from matplotlib.colors import LogNorm, Normalize
 
     few = [axis for axis in along if 2 <= len(axis.levels()[0]) <= _MOST_LEVELS]
-    pairs = [(one, other) for k, one in enumerate(few) for other in few[k + 1 :]]
+    pairs = [(first, other) for k, first in enumerate(few) for other in few[k + 1 :]]
     if not pairs or not merit.ranked.any():
         return None
     tables = [_mean_over(merit, *pair) for pair in pairs]
@@ -210,11 +210,11 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
         colour_maps.AMOUNT_RAMP if better == "more" else f"{colour_maps.AMOUNT_RAMP}_r"
     ].with_extremes(bad=palette.NO_RETURN)
     drawn: Any = None
-    for axes, (one, other), table in zip(panels.flat, pairs, tables, strict=False):
+    for axes, (first, other), table in zip(panels.flat, pairs, tables, strict=False):
         drawn = axes.imshow(np.ma.masked_invalid(table), origin="lower", aspect="auto", norm=norm, cmap=colours)
-        figures.style_axes(axes, x=_wrap(other.name), y=_wrap(one.name, 30))
+        figures.style_axes(axes, x=_wrap(other.name), y=_wrap(first.name, 30))
         axes.grid(False)
-        for put, axis in ((axes.set_xticks, other), (axes.set_yticks, one)):
+        for put, axis in ((axes.set_xticks, other), (axes.set_yticks, first)):
             levels = axis.levels()[0]
             put(range(len(levels)), [format_value(x) if axis.numeric else _label_level(str(x)) for x in levels])
         if table.size <= 80:
@@ -226,14 +226,14 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
     return figure
 
 
-def _mean_over(merit: Quantity, one: Quantity, other: Quantity) -> np.ndarray:
-    """Return the mean (one, other) of known values, NaN where there are none.
+def _mean_over(merit: Quantity, first: Quantity, other: Quantity) -> np.ndarray:
+    """Return the mean (first, other) of known values, NaN where there are none.
 
     Parameters
     ----------
-    one, other : two axes
+    first, other : two axes
     """
-    (rows, row), (cols, col) = one.levels(), other.levels()
+    (rows, row), (cols, col) = first.levels(), other.levels()
     known = merit.ranked
     cell = (row * len(cols) + col)[known]
     count = np.bincount(cell, minlength=len(rows) * len(cols))
@@ -271,7 +271,7 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
     others = list(zip(merits[1:], better[1:], strict=True))
     columns = _columns(len(others))
     rows = math.ceil(len(others) / columns)
-    hollow = any(np.any(np.isfinite(one.values) & ~one.ranked) for one in merits)
+    hollow = any(np.any(np.isfinite(merit.values) & ~merit.ranked) for merit in merits)
     held = "   ·   hollow: not ranked" if hollow else ""
     figure = figures.new_figure(
         _width_in(columns),

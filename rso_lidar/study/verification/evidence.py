@@ -52,18 +52,18 @@ def bound_merit(merit: Merit, run: Run, frames: Sequence[FrameSums], confidence:
     merit : a figure of merit that depends on the noise of frames, and on no tracker
     """
     total = RunSums(0, 0.0)
-    for one in frames:
-        total.include(one)
+    for frame_sums in frames:
+        total.include(frame_sums)
     value = merit.of(replace(run, sums=total))
     sample = f"{len(frames):,} frame{'s' * (len(frames) != 1)}"
     if not math.isfinite(value):
         return Evidence(value, math.nan, math.nan, sample, "has no value: no pixel of these frames reports the target")
     if merit.noise == "proportion":
-        hits, trials = (np.array([getattr(one, name) for one in frames]) for name in _TRIALS[merit.name])
+        hits, trials = (np.array([getattr(frame_sums, name) for frame_sums in frames]) for name in _TRIALS[merit.name])
         low, high = bound_proportion(hits, trials, confidence)
         return Evidence(value, low, high, sample)
     if merit.noise == "count":
-        low, high = bound_count(np.array([one.false for one in frames]), confidence)
+        low, high = bound_count(np.array([frame_sums.false for frame_sums in frames]), confidence)
         return Evidence(value, low, high, sample)
     units = _group(frames)
     if len(units) < FEWEST_UNITS:

@@ -80,11 +80,11 @@ class ComputedFigures:
         return self.parameters.find(what.name).unit if what.kind == "parameter" else what.unit
 
     def _find_parameter(self, requirement: Requirement) -> float:
-        found = self.parameters.find(requirement.quantity)
-        if not found.is_number:
-            said = "is not set" if found.value is None else f"is {str(found.value)!r:.60}"
+        parameter = self.parameters.find(requirement.quantity)
+        if not parameter.is_number:
+            said = "is not set" if parameter.value is None else f"is {str(parameter.value)!r:.60}"
             raise ScenarioError(f"'{requirement.quantity}': {said}, not a number; bound another parameter")
-        return float(found.value)
+        return float(parameter.value)
 
     def _summarize_column(self, requirement: Requirement) -> float:
         table, column = self._timeline.table, requirement.what.column

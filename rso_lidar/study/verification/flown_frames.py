@@ -72,7 +72,7 @@ class FlownFrames(ABC):
 
     def count(self, requirements: Sequence[Requirement]) -> int:
         """Return the number of frames to simulate or read for some requirements, an estimate for a progress bar."""
-        chosen = [self.select(one) for one in requirements if one.needs_frames]
+        chosen = [self.select(requirement) for requirement in requirements if requirement.needs_frames]
         return self.n_runs * len(np.unique(np.concatenate(chosen))) if chosen else 0
 
     def prepare(self, requirements: Sequence[Requirement]) -> None:
@@ -82,10 +82,10 @@ class FlownFrames(ABC):
         ----------
         requirements : those that need frames
         """
-        for one in requirements:
-            if follows_frames(one):
-                self.tables(self.select(one), poses=needs_poses(one))
-        chosen = [self.select(one) for one in requirements if one.needs_frames]
+        for requirement in requirements:
+            if follows_frames(requirement):
+                self.tables(self.select(requirement), poses=needs_poses(requirement))
+        chosen = [self.select(requirement) for requirement in requirements if requirement.needs_frames]
         if chosen:
             self.sums(np.unique(np.concatenate(chosen)))
 
@@ -266,7 +266,7 @@ def find_target(scenario: Scenario, target: str | None) -> int:
     ScenarioError
         For a scenario without it.
     """
-    names = [one.name for one in scenario.target]
+    names = [candidate.name for candidate in scenario.target]
     if not names:
         raise ScenarioError("requirements: the scenario has no target; add a [[target]]")
     if target is not None and target not in names:

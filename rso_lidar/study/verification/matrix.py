@@ -78,7 +78,7 @@ class VerificationMatrix:
     @property
     def is_met(self) -> bool:
         """Whether all requirements are met."""
-        return all(one.verdict == "met" for one in self.results)
+        return all(result.verdict == "met" for result in self.results)
 
     def count(self, verdict: Verdict) -> int:
         """Return the number of results with a verdict.
@@ -87,7 +87,7 @@ class VerificationMatrix:
         ----------
         verdict : ``met``, ``not met`` or ``not shown``
         """
-        return sum(one.verdict == verdict for one in self.results)
+        return sum(result.verdict == verdict for result in self.results)
 
     def table(self) -> str:
         """Return a text table, one row for each requirement, with notes below it."""
@@ -95,7 +95,7 @@ class VerificationMatrix:
             f"{n} {verdict}" for verdict in ("met", "not met", "not shown") if (n := self.count(verdict))
         )
         heads = ("id", "quantity", "bound", "value", "confidence bound", "margin", "verdict")
-        rows = [heads, *(_format_row(one) for one in self.results)]
+        rows = [heads, *(_format_row(result) for result in self.results)]
         widths = [max(len(row[k]) for row in rows) for k in range(len(heads))]
         lines = [f"{self.name}: {self.subject}", f"{len(self.results)} requirements: {counts}", ""]
         for row in rows:
@@ -104,7 +104,7 @@ class VerificationMatrix:
                 for k, (text, w) in enumerate(zip(row, widths, strict=True))
             ]
             lines.append("  ".join(cells).rstrip())
-        notes = [f"{one.requirement.id}: {one.note}" for one in self.results if one.note]
+        notes = [f"{result.requirement.id}: {result.note}" for result in self.results if result.note]
         return "\n".join([*lines, *([""] if notes else []), *notes])
 
     def csv_text(self) -> str:
@@ -112,8 +112,8 @@ class VerificationMatrix:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(_COLUMNS)
-        for one in self.results:
-            row = _tabulate(one)
+        for result in self.results:
+            row = _tabulate(result)
             writer.writerow(["" if row[name] is None else row[name] for name in _COLUMNS])
         return text.getvalue()
 
@@ -121,7 +121,7 @@ class VerificationMatrix:
         """Return all results as JSON, with the counts of verdicts and the versions; a number that does not exist is null."""
         counts = {verdict: self.count(verdict) for verdict in ("met", "not met", "not shown")}
         tree = {"name": self.name, "subject": self.subject, "is_met": self.is_met, "counts": counts}
-        tree |= {"requirements": [_tabulate(one) for one in self.results], "versions": dict(self.versions)}
+        tree |= {"requirements": [_tabulate(result) for result in self.results], "versions": dict(self.versions)}
         return json.dumps(tree, indent=1, ensure_ascii=False) + "\n"
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -146,57 +146,62 @@ class VerificationMatrix:
         return write_text(place, text, overwrite=overwrite)
 
 
-def _tabulate(one: RequirementResult) -> dict[str, Any]:
+def _tabulate(result: RequirementResult) -> dict[str, Any]:
     """Return a result by column, None for a number that does not exist."""
-    asked = one.requirement
+    asked = result.requirement
     least, most = asked.limits
     numbers = {
         "at_least": least,
         "at_most": most,
-        "value": one.value,
-        "low": one.low,
-        "high": one.high,
-        "margin": one.margin,
+        "value": result.value,
+        "low": result.low,
+        "high": result.high,
+        "margin": result.margin,
     }
-    texts = {"id": asked.id, "quantity": asked.quantity, "unit": one.unit, "confidence": asked.confidence}
-    texts |= {"verdict": one.verdict, "sample": one.sample, "note": one.note, "verification": asked.verification}
+    texts = {"id": asked.id, "quantity": asked.quantity, "unit": result.unit, "confidence": asked.confidence}
+    texts |= {
+        "verdict": result.verdict,
+        "sample": result.sample,
+        "note": result.note,
+        "verification": asked.verification,
+    }
     texts |= {"text": asked.text, "rationale": asked.rationale, "source": asked.source}
     row: dict[str, Any] = texts | {name: value if math.isfinite(value) else None for name, value in numbers.items()}
     return {name: row[name] for name in _COLUMNS}
 
 
-def _format_row(one: RequirementResult) -> tuple[str, ...]:
+def _format_row(result: RequirementResult) -> tuple[str, ...]:
     """Return the cells of a row of the text table."""
-    asked, unit = one.requirement, "" if one.unit == "1" else f" {one.unit}"
+    asked, unit = result.requirement, "" if result.unit == "1" else f" {result.unit}"
     conditions = describe_conditions(asked)
     quantity = f"{asked.quantity}, {conditions}" if conditions else asked.quantity
     return (
         asked.id,
         quantity,
         f"{describe_bound(asked)}{unit}",
-        f"{_format_number(one.value)}{unit}" if math.isfinite(one.value) else "none",
-        _describe_bounds(one, unit),
-        f"{_format_number(one.margin)}{unit}" if math.isfinite(one.margin) else "none",
-        one.verdict,
+        f"{_format_number(result.value)}{unit}" if math.isfinite(result.value) else "none",
+        _describe_bounds(result, unit),
+        f"{_format_number(result.margin)}{unit}" if math.isfinite(result.margin) else "none",
+        result.verdict,
     )
 
 
-def _describe_bounds(one: RequirementResult, unit: str) -> str:
+def _describe_bounds(result: RequirementResult, unit: str) -> str:
     """Describe the confidence bounds that decide; empty for a quantity without noise.
 
     Parameters
     ----------
-    one, unit : the result, and its unit with a space before it
+    unit : with a space before it
     """
-    asked = one.requirement
+    asked = result.requirement
     if asked.confidence is None:
         return ""
     at = f" at {100.0 * asked.confidence:g} %"
-    if math.isnan(one.low):
+    if math.isnan(result.low):
         return f"none{at}"
     if asked.within is not None:
-        return f"{_format_number(one.low)} to {_format_number(one.high)}{unit}{at}"
-    word, bound = (">=", one.low) if asked.at_least is not None else ("<=", one.high)
+        return f"{_format_number(result.low)} to {_format_number(result.high)}{unit}{at}"
+    word, bound = (">=", result.low) if asked.at_least is not None else ("<=", result.high)
     return f"{word} {_format_number(bound)}{unit}{at}"
 
 

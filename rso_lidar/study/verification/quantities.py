@@ -75,7 +75,7 @@ def find_quantity(name: str) -> BoundedQuantity:
         return BoundedQuantity(name, "reach", "m", False)
     if study == "budget":
         if column not in Budget.COLUMNS or column == "range_m":
-            known = tuple(one for one in (*Budget.COLUMNS, "max_range_m") if one != "range_m")
+            known = tuple(known_name for known_name in (*Budget.COLUMNS, "max_range_m") if known_name != "range_m")
             raise ValueError(
                 f"a budget has no column '{column}'{did_you_mean(column, known)} (known: {', '.join(known)})"
             )

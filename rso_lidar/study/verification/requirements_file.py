@@ -202,7 +202,9 @@ class Requirements(FilePart):
 
     @model_validator(mode="after")
     def _own_names(self) -> Self:
-        twice = [name for name, count in Counter(one.id for one in self.requirement).items() if count > 1]
+        twice = [
+            name for name, count in Counter(requirement.id for requirement in self.requirement).items() if count > 1
+        ]
         if twice:
             raise ValueError(f"requirement: the id '{twice[0]}' is given twice; give each requirement its own")
         return self

@@ -37,35 +37,39 @@ def write_requirements(asked: Requirements, parameters: ParameterTable) -> list[
         For a requirement on a parameter that the mission does not have.
     """
     lines = []
-    for one in asked.requirement:
-        lines += _write_requirement(one, parameters)
-        lines += _write_verification(one)
+    for requirement in asked.requirement:
+        lines += _write_requirement(requirement, parameters)
+        lines += _write_verification(requirement)
     return lines
 
 
-def _write_requirement(one: Requirement, parameters: ParameterTable) -> list[str]:
+def _write_requirement(requirement: Requirement, parameters: ParameterTable) -> list[str]:
     """Write the requirement usage."""
-    if one.what.kind == "parameter":
-        unit = parameters.find(one.quantity).unit
-        value = ".".join(["lidar_mission", *(quote_name(step) for step in one.quantity.split("."))])
+    if requirement.what.kind == "parameter":
+        unit = parameters.find(requirement.quantity).unit
+        value = ".".join(["lidar_mission", *(quote_name(step) for step in requirement.quantity.split("."))])
         declared = []
     else:
-        unit, value = one.what.unit, "quantity"
-        conditions = describe_conditions(one)
-        meaning = f"{one.quantity}{f', {conditions}' if conditions else ''}. Unit: {unit}."
+        unit, value = requirement.what.unit, "quantity"
+        conditions = describe_conditions(requirement)
+        meaning = f"{requirement.quantity}{f', {conditions}' if conditions else ''}. Unit: {unit}."
         declared = [f"{declare_attribute('quantity', unit)} {{ {write_comment(meaning)} }}"]
     limits, checks = [], []
-    least, most = one.limits
+    least, most = requirement.limits
     for name, limit, sign in (("at_least", least, ">="), ("at_most", most, "<=")):
         if abs(limit) != float("inf"):
             limits.append(f"{declare_attribute(name, unit, float(limit))};")
             checks.append(f"{value} {sign} {name}")
-    if one.confidence is not None:
-        limits.append(f"attribute confidence : Real = {one.confidence!r};")
-    reasons = [f"{word}: {text}" for word, text in (("Rationale", one.rationale), ("Source", one.source)) if text]
+    if requirement.confidence is not None:
+        limits.append(f"attribute confidence : Real = {requirement.confidence!r};")
+    reasons = [
+        f"{word}: {text}"
+        for word, text in (("Rationale", requirement.rationale), ("Source", requirement.source))
+        if text
+    ]
     return [
-        f"requirement <{quote_name(one.id)}> {quote_name(f'{one.id} {one.quantity}')} {{",
-        f"    {write_comment(one.text)}",
+        f"requirement <{quote_name(requirement.id)}> {quote_name(f'{requirement.id} {requirement.quantity}')} {{",
+        f"    {write_comment(requirement.text)}",
         *(f"    comment /* {' '.join(text.split()).replace('*/', '* /')} */" for text in reasons),
         f"    subject lidar_mission :> {SYSML_MISSION};",
         *(f"    {line}" for line in (*declared, *limits)),
@@ -74,12 +78,12 @@ def _write_requirement(one: Requirement, parameters: ParameterTable) -> list[str
     ]
 
 
-def _write_verification(one: Requirement) -> list[str]:
+def _write_verification(requirement: Requirement) -> list[str]:
     """Write the verification case of a requirement, with its method."""
     return [
-        f"verification {quote_name(f'verify {one.id}')} {{",
-        f"    @VerificationMethod {{ kind = VerificationMethodKind::{_METHODS[one.verification]}; }}",
+        f"verification {quote_name(f'verify {requirement.id}')} {{",
+        f"    @VerificationMethod {{ kind = VerificationMethodKind::{_METHODS[requirement.verification]}; }}",
         f"    subject lidar_mission :> {SYSML_MISSION};",
-        f"    objective {{ verify {quote_name(f'{one.id} {one.quantity}')}; }}",
+        f"    objective {{ verify {quote_name(f'{requirement.id} {requirement.quantity}')}; }}",
         "}",
     ]

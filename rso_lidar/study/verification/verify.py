@@ -115,9 +115,9 @@ def _verify_frames(
     tell(0, done[1])
     flown.prepare(asked.requirement)
     results = []
-    for number, one in enumerate(asked.requirement):
+    for number, requirement in enumerate(asked.requirement):
         with add_place(_name_place(asked, number)):
-            results.append(_verify_one(one, flown, figures))
+            results.append(_verify_one(requirement, flown, figures))
     source, runs = flown.scenario.source, f", {flown.n_runs} runs" if flown.n_runs > 1 else ""
     name = flown.scenario.target[flown.number].name
     kind = "recording of" if isinstance(flown, RecordedFrames) else "scenario"
@@ -127,10 +127,10 @@ def _verify_frames(
 
 def _check(asked: Requirements, figures: ComputedFigures) -> None:
     """Compute cheap figures first, so that a wrong name is found before any frame is simulated."""
-    for number, one in enumerate(asked.requirement):
-        if one.what.kind == "parameter":
+    for number, requirement in enumerate(asked.requirement):
+        if requirement.what.kind == "parameter":
             with add_place(_name_place(asked, number)):
-                figures.compute(one)
+                figures.compute(requirement)
 
 
 def _name_place(asked: Requirements, number: int) -> str:
@@ -143,14 +143,14 @@ def _name_place(asked: Requirements, number: int) -> str:
     return f"{asked.where}: requirement[{number}] ({asked.requirement[number].id})"
 
 
-def _verify_one(one: Requirement, flown: FlownFrames, figures: ComputedFigures) -> RequirementResult:
+def _verify_one(requirement: Requirement, flown: FlownFrames, figures: ComputedFigures) -> RequirementResult:
     """Verify one requirement."""
-    evidence = _find_evidence(one, flown, figures)
-    margin = one.margin(evidence.low, evidence.high)
-    verdict = judge(one, evidence.low, evidence.high)
+    evidence = _find_evidence(requirement, flown, figures)
+    margin = requirement.margin(evidence.low, evidence.high)
+    verdict = judge(requirement, evidence.low, evidence.high)
     return RequirementResult(
-        one,
-        figures.unit(one),
+        requirement,
+        figures.unit(requirement),
         evidence.value,
         evidence.low,
         evidence.high,
@@ -161,49 +161,54 @@ def _verify_one(one: Requirement, flown: FlownFrames, figures: ComputedFigures) 
     )
 
 
-def _find_evidence(one: Requirement, flown: FlownFrames, figures: ComputedFigures) -> Evidence:
+def _find_evidence(requirement: Requirement, flown: FlownFrames, figures: ComputedFigures) -> Evidence:
     """Return the value of a requirement's quantity with its bounds.
 
     Parameters
     ----------
     one, flown, figures : as for `_verify_one`
     """
-    if not one.needs_frames:
-        chosen = one.frames is not None or one.between_m is not None
-        numbers = flown.select(one) if one.what.kind == "merit" and chosen else None
-        value = figures.compute(one, numbers)
+    if not requirement.needs_frames:
+        chosen = requirement.frames is not None or requirement.between_m is not None
+        numbers = flown.select(requirement) if requirement.what.kind == "merit" and chosen else None
+        value = figures.compute(requirement, numbers)
         return Evidence(value, value, value, "computed", "" if math.isfinite(value) else "has no value here")
-    numbers = flown.select(one)
-    if follows_frames(one):
-        assert one.confidence is not None
-        tables = flown.tables(numbers, poses=needs_poses(one))
-        if one.what.kind == "tracking":
-            assert one.statistic is not None
-            return bound_series([_column(one, table) for table in tables], STATISTICS[one.statistic], one.confidence, 9)
+    numbers = flown.select(requirement)
+    if follows_frames(requirement):
+        assert requirement.confidence is not None
+        tables = flown.tables(numbers, poses=needs_poses(requirement))
+        if requirement.what.kind == "tracking":
+            assert requirement.statistic is not None
+            return bound_series(
+                [_column(requirement, table) for table in tables],
+                STATISTICS[requirement.statistic],
+                requirement.confidence,
+                9,
+            )
         errors = [np.linalg.norm([table[f"cv_error_{axis}_m"] for axis in _AXES], axis=0) for table in tables]
-        merit = MERITS[one.quantity]
-        return bound_series(errors, STATISTICS["rms"], one.confidence, merit.decimals)
+        merit = MERITS[requirement.quantity]
+        return bound_series(errors, STATISTICS["rms"], requirement.confidence, merit.decimals)
     run = Run(flown.scenario, flown.number, RunSums(0, 0.0), np.empty(0), numbers)
-    sums, merit = flown.sums(numbers), MERITS[one.quantity]
-    if one.confidence is None:
+    sums, merit = flown.sums(numbers), MERITS[requirement.quantity]
+    if requirement.confidence is None:
         for frame in sums:
             run.sums.include(frame)
         value = merit.of(run)
         return Evidence(
             value, value, value, f"{len(sums):,} frames", "" if math.isfinite(value) else "has no value here"
         )
-    return bound_merit(merit, run, sums, one.confidence)
+    return bound_merit(merit, run, sums, requirement.confidence)
 
 
-def _column(one: Requirement, table: dict[str, np.ndarray]) -> np.ndarray:
+def _column(requirement: Requirement, table: dict[str, np.ndarray]) -> np.ndarray:
     """Return the column of the tracker's table that a requirement names; NaN where ICP found no pose in any frame."""
-    column = one.what.column
+    column = requirement.what.column
     if column in table:
         return table[column].astype(float)
-    if needs_poses(one) and column in ("icp_rms_m", "icp_error_m", "icp_error_rad", "icp_long_axis_error_rad"):
+    if needs_poses(requirement) and column in ("icp_rms_m", "icp_error_m", "icp_error_rad", "icp_long_axis_error_rad"):
         return np.full(len(table["time_s"]), np.nan)
     raise ScenarioError(
-        f"requirement {one.id}: quantity: the tracker's table has no column '{column}' (known: {', '.join(table)})"
+        f"requirement {requirement.id}: quantity: the tracker's table has no column '{column}' (known: {', '.join(table)})"
     )
 
 
@@ -236,10 +241,12 @@ def _verify_study(
     trust_code, trust_fmu : as in `verify`
     """
     definition = study.study if isinstance(study, Trade) else study
-    needed = tuple(dict.fromkeys(one.quantity for one in asked.requirement if one.what.kind == "merit"))
-    for number, one in enumerate(asked.requirement):
+    needed = tuple(
+        dict.fromkeys(requirement.quantity for requirement in asked.requirement if requirement.what.kind == "merit")
+    )
+    for number, requirement in enumerate(asked.requirement):
         with add_place(_name_place(asked, number)):
-            _check_for_study(one, study)
+            _check_for_study(requirement, study)
     if asked.target is not None and asked.target != definition.target:
         if isinstance(study, Trade):
             raise ScenarioError(
@@ -247,90 +254,103 @@ def _verify_study(
             )
         definition = definition.replace(target=asked.target)
     if isinstance(study, Trade):
-        made = study
+        finished_trade = study
     else:
         merits = needed or ("off_boresight_deg",)  # a study computes at least one figure, and this is the cheapest
         chosen = definition.replace(merits=merits)
-        made = trade(chosen, workers=workers, on_row=tell, trust_code=trust_code, trust_fmu=trust_fmu)
+        finished_trade = trade(chosen, workers=workers, on_row=tell, trust_code=trust_code, trust_fmu=trust_fmu)
     results = []
-    for number, one in enumerate(asked.requirement):
+    for number, requirement in enumerate(asked.requirement):
         with add_place(_name_place(asked, number)):
-            results.append(_verify_points(one, made, threads))
-    points, seeds = len(made.plan.points), definition.seeds
+            results.append(_verify_points(requirement, finished_trade, threads))
+    points, seeds = len(finished_trade.plan.points), definition.seeds
     subject = f"study '{definition.name}', {points} point{'s' * (points != 1)}, {seeds} run{'s' * (seeds != 1)} each"
-    return VerificationMatrix(asked.name, subject, tuple(results), made.base.source.versions)
+    return VerificationMatrix(asked.name, subject, tuple(results), finished_trade.base.source.versions)
 
 
-def _check_for_study(one: Requirement, study: Study | Trade) -> None:
+def _check_for_study(requirement: Requirement, study: Study | Trade) -> None:
     """Raise `ScenarioError` for a requirement that a study cannot answer."""
-    if one.what.kind == "tracking":
-        raise ScenarioError(f"quantity: '{one.quantity}' needs a scenario or a recording; a study has tracker_error_m")
-    if one.what.kind == "merit" and (one.frames is not None or one.between_m is not None):
-        name = "frames" if one.frames is not None else "between_m"
+    if requirement.what.kind == "tracking":
+        raise ScenarioError(
+            f"quantity: '{requirement.quantity}' needs a scenario or a recording; a study has tracker_error_m"
+        )
+    if requirement.what.kind == "merit" and (requirement.frames is not None or requirement.between_m is not None):
+        name = "frames" if requirement.frames is not None else "between_m"
         raise ScenarioError(f"{name}: a study has its own frames; leave it out, and set frames in the study")
-    if isinstance(study, Trade) and one.what.kind == "merit" and one.quantity not in study.table:
+    if isinstance(study, Trade) and requirement.what.kind == "merit" and requirement.quantity not in study.table:
         known = ", ".join(list_evaluated(study.study.merits))
-        raise ScenarioError(f"quantity: the study has no '{one.quantity}' (it has {known}); add it to its merits")
+        raise ScenarioError(
+            f"quantity: the study has no '{requirement.quantity}' (it has {known}); add it to its merits"
+        )
 
 
-def _verify_points(one: Requirement, made: Trade, threads: int | None) -> RequirementResult:
+def _verify_points(requirement: Requirement, finished_trade: Trade, threads: int | None) -> RequirementResult:
     """Verify a requirement at each point of a study, and return the result of the worst point."""
-    seeds, n_points = made.study.seeds, len(made.plan.points)
-    points, unit = [], one.what.unit
+    seeds, n_points = finished_trade.study.seeds, len(finished_trade.plan.points)
+    points, unit = [], requirement.what.unit
     for point in range(n_points):
-        if one.what.kind == "merit":
-            points.append(_bound_point(one, made.table[one.quantity][point * seeds : (point + 1) * seeds], n_points))
+        if requirement.what.kind == "merit":
+            points.append(
+                _bound_point(
+                    requirement,
+                    finished_trade.table[requirement.quantity][point * seeds : (point + 1) * seeds],
+                    n_points,
+                )
+            )
             continue
         try:
             with suppress_warnings():
-                scenario = made.plan.scenario(point * seeds)
-            figures = ComputedFigures(scenario, made.study.number(scenario), threads)
-            value, unit = figures.compute(one), figures.unit(one)
+                scenario = finished_trade.plan.scenario(point * seeds)
+            figures = ComputedFigures(scenario, finished_trade.study.number(scenario), threads)
+            value, unit = figures.compute(requirement), figures.unit(requirement)
             points.append(_BoundedPoint(Evidence(value, value, value, "computed"), value, value))
         except RsoLidarError:
             if n_points == 1:
                 raise
             points.append(_BoundedPoint(Evidence(math.nan, math.nan, math.nan, "computed"), math.nan, math.nan))
-    verdicts = [judge(one, point.evidence.low, point.evidence.high) for point in points]
-    failed = [judge(one, point.wide_low, point.wide_high) == "not met" for point in points]
+    verdicts = [judge(requirement, point.evidence.low, point.evidence.high) for point in points]
+    failed = [judge(requirement, point.wide_low, point.wide_high) == "not met" for point in points]
     verdict: Verdict = "met" if all(each == "met" for each in verdicts) else "not met" if any(failed) else "not shown"
-    margins = [one.margin(point.evidence.low, point.evidence.high) for point in points]
+    margins = [requirement.margin(point.evidence.low, point.evidence.high) for point in points]
     order = [-math.inf if math.isnan(margin) else margin for margin in margins]
     candidates = [k for k in range(n_points) if failed[k] or verdict != "not met"]
     worst = min(candidates, key=lambda k: order[k])
     shown = points[worst].evidence
     met = sum(each == "met" for each in verdicts)
-    note = f"met at {met:,} of {n_points:,} points; row {worst * seeds} is the worst: {_describe_point(made, worst)}"
-    if why := str(made.table["error"][worst * seeds]):
+    note = f"met at {met:,} of {n_points:,} points; row {worst * seeds} is the worst: "
+    note += _describe_point(finished_trade, worst)
+    if why := str(finished_trade.table["error"][worst * seeds]):
         note += f"; it could not be flown: {why}"
     shown = replace(shown, note=f"{note}; {shown.note}" if shown.note else note)
     return RequirementResult(
-        one, unit, shown.value, shown.low, shown.high, margins[worst], verdict, shown.sample, shown.note
+        requirement, unit, shown.value, shown.low, shown.high, margins[worst], verdict, shown.sample, shown.note
     )
 
 
-def _bound_point(one: Requirement, values: np.ndarray, n_points: int) -> _BoundedPoint:
+def _bound_point(requirement: Requirement, values: np.ndarray, n_points: int) -> _BoundedPoint:
     """Return the mean of a figure of merit over the seeds of a point, with bounds by Student's t.
 
     A verdict ``not met`` needs one point only, so its bounds have the confidence 1 − (1 − c) / points (Bonferroni).
 
     Parameters
     ----------
-    one, values : the requirement, and the values of its quantity, one for each seed
+    values : of its quantity, one for each seed
     """
     mean = float(np.mean(values)) if np.isfinite(values).all() else math.nan
     sample = f"{len(values)} run{'s' * (len(values) != 1)}"
-    if one.confidence is None:
+    if requirement.confidence is None:
         return _BoundedPoint(Evidence(mean, mean, mean, sample), mean, mean)
-    low, high = student_bounds(values, one.confidence)
-    wide = student_bounds(values, 1.0 - (1.0 - one.confidence) / n_points)
+    low, high = student_bounds(values, requirement.confidence)
+    wide = student_bounds(values, 1.0 - (1.0 - requirement.confidence) / n_points)
     note = "a bound needs two runs or more; set seeds in the study" if len(values) < 2 else ""
     return _BoundedPoint(Evidence(mean, low, high, sample, note), *wide)
 
 
-def _describe_point(made: Trade, point: int) -> str:
+def _describe_point(finished_trade: Trade, point: int) -> str:
     """Describe the settings of a point."""
     fields = [
-        f"{place} = {made.table[place][point * made.study.seeds]}" for place in made.study.places if place != "seed"
+        f"{place} = {finished_trade.table[place][point * finished_trade.study.seeds]}"
+        for place in finished_trade.study.places
+        if place != "seed"
     ]
     return ", ".join(fields) or f"point {point}"
