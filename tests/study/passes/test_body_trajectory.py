@@ -14,7 +14,9 @@ from rso_lidar.shipped import shipped
 from rso_lidar.study.passes.body_trajectory import BodyTrajectory
 
 
-@pytest.fixture(scope="module", params=["geo_servicer", "safety_ellipse", "tdrs_approach"])
+@pytest.fixture(
+    scope="module", params=[pytest.param("geo_servicer", marks=pytest.mark.slow), "safety_ellipse", "tdrs_approach"]
+)
 def scenario(request):
     return rl.Scenario.load(shipped(f"examples/{request.param}.toml"))
 
