@@ -178,6 +178,7 @@ def test_requests_that_are_wrong_have_one_line_and_the_run_goes_on(example):
     assert [len(one) for one in messages] == [length for *_, length in json.loads(head)["messages"]]
 
 
+@pytest.mark.slow
 def test_the_process_behind_the_node_flies_the_same(example, tmp_path):
     path = tmp_path / "thrusters.toml"
     whole = (EXAMPLES / "thrusters.toml").read_text(encoding="utf-8").replace("= 600", "= 2")

@@ -119,6 +119,7 @@ def frames_in(temporary):
         return len(recording)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", WAYS, ids=["threads", "workers"])
 def test_sigterm_keeps_the_frames_as_ctrl_c_does_and_the_run_goes_on(bench, options):
     output = bench.with_name("out.h5")

@@ -13,7 +13,9 @@ from rso_lidar.orbit import Epochs, screen
 from rso_lidar.shipped import shipped
 
 
-@pytest.fixture(scope="module", params=["geo_servicer", "safety_ellipse", "tdrs_approach"])
+@pytest.fixture(
+    scope="module", params=[pytest.param("geo_servicer", marks=pytest.mark.slow), "safety_ellipse", "tdrs_approach"]
+)
 def scenario(request):
     return rl.Scenario.load(shipped(f"examples/{request.param}.toml"))
 
