@@ -5,7 +5,7 @@ counts for the share of a core that a process then gets. A test over its limit f
 One that holds the interpreter's lock inside a library, so that nothing else runs, ends its process, as far as a limit later.
 
 A test without the mark `slow` is quick: it takes at most `QUICK_S` of CPU, with the processes that it starts and awaits. A
-slower one is listed at the end, and fails from twice that on. A yardstick, run after such a test, loosens the limit on a
+slower one is listed at the end, and fails from five times that on. A yardstick, run after such a test, loosens the limit on a
 machine that is slower or busy. Fixtures do not count, nor does a test during which kernels are compiled: others use both.
 """
 
@@ -112,7 +112,7 @@ class Quick:
         cpu_s = spent() - before
         if cpu_s > QUICK_S and not has_compiled(since_s) and (cpu_s := cpu_s / slowness()) > QUICK_S:
             item.user_properties.append((COST, cpu_s))
-            if cpu_s > 2.0 * QUICK_S:
+            if cpu_s > 5.0 * QUICK_S:  # the yardstick of a busy machine is inexact
                 pytest.fail(f"took {cpu_s:.1f} s of CPU, over {QUICK_S:g} s: make it cheaper, or mark it slow")
         return result
 

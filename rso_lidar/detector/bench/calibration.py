@@ -50,19 +50,19 @@ def simulate_peaks(gsfl: Gsfl, repeats: int) -> np.ndarray:
     axis = camera.axis(rows.length)
     watched = mark_watched(rows.length, rows.first, rows.last)
     bridge = axis.bridge
-    found = []
+    height_over_threshold = []
     for _ in range(repeats):
-        made = simulate_analog(camera.front, axis, photons, rows, rng)
-        amplitude = np.where(watched, made.amplitude, -np.inf)
+        signals = simulate_analog(camera.front, axis, photons, rows, rng)
+        amplitude = np.where(watched, signals.amplitude, -np.inf)
         height = amplitude.max(axis=1)
-        sigma = comparators.noise_sigma(made.primaries / axis.step_s + gsfl.apd.dark_electrons_per_s)
+        sigma = comparators.noise_sigma(signals.primaries / axis.step_s + gsfl.apd.dark_electrons_per_s)
         pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
         near = pair > (height - bridge.reach * bridge.sigma * sigma.max(axis=1))[:, None]
         row, step = np.nonzero(near & watched[:, :-1] & watched[:, 1:])
-        path = bridge.path(made.amplitude, made.mean(), row, step, sigma[row, step], rng)
+        path = bridge.path(signals.amplitude, signals.mean(), row, step, sigma[row, step], rng)
         np.maximum.at(height, row, path.max(axis=1))
-        found.append(height / camera.front.pixels.threshold)
-    return np.concatenate(found)
+        height_over_threshold.append(height / camera.front.pixels.threshold)
+    return np.concatenate(height_over_threshold)
 
 
 def solve_preset(noise_electrons: float | None, repeats: int = 24) -> tuple[float, float]:
@@ -95,7 +95,7 @@ def run_reference_trial(gsfl: Gsfl, photons: float, repeats: int = 2) -> Trial:
     rng = np.random.Generator(np.random.Philox(_SEED + round(photons)))
     seen = make_plate(photons, _PIXELS, make_reference_pulse(), REFERENCE_FWHM_S)
     trials = [run_trial(gsfl, seen, rng) for _ in range(repeats)]
-    return Trial(*(np.concatenate([getattr(one, name) for one in trials]) for name in Trial.__dataclass_fields__))
+    return Trial(*(np.concatenate([getattr(trial, name) for trial in trials]) for name in Trial.__dataclass_fields__))
 
 
 def fit_empirical(gsfl: Gsfl) -> dict[str, float]:
@@ -105,7 +105,7 @@ def fit_empirical(gsfl: Gsfl) -> dict[str, float]:
 
     levels = np.array(_LEVELS, dtype=float)
     trials = [run_reference_trial(gsfl, level) for level in _LEVELS]
-    probability = np.array([one.probability for one in trials])
+    probability = np.array([trial.probability for trial in trials])
     still = gsfl.replace(timing=gsfl.timing.replace(pixel_jitter_ns=0.0))
     quantum, s = gsfl.quantum_efficiency, REFERENCE_FWHM_S / units.FWHM_PER_SIGMA
 
@@ -116,7 +116,7 @@ def fit_empirical(gsfl: Gsfl) -> dict[str, float]:
         threshold = REFERENCE_PHOTONS - 1.644_853_626_951_472_6 * noise(REFERENCE_PHOTONS)
         return ndtr((levels - threshold) / noise(levels))  # type: ignore[no-any-return]
 
-    found = least_squares(lambda x: detection(x) - probability, [130.0, 3.5], bounds=([0.0, 1.0], [900.0, 60.0]))
+    fit = least_squares(lambda x: detection(x) - probability, [130.0, 3.5], bounds=([0.0, 1.0], [900.0, 60.0]))
     n = levels[probability > 0.5]  # of fewer photons only the lucky ones are seen
     noise_m = np.array([run_reference_trial(still, level).range_noise_m for level in n])
     sample_s = gsfl.readout.sample_s
@@ -147,8 +147,8 @@ def fit_empirical(gsfl: Gsfl) -> dict[str, float]:
         lambda x: np.log(scatter(x) / noise_photons), [130.0, 3.5], bounds=([0.0, 0.1], [900, 60])
     )
     return {
-        "noise_equivalent_photons": float(found.x[0]),
-        "excess_noise_factor": float(found.x[1]),
+        "noise_equivalent_photons": float(fit.x[0]),
+        "excess_noise_factor": float(fit.x[1]),
         "intensity_noise_equivalent_photons": float(intensity.x[0]),
         "intensity_excess_noise_factor": float(intensity.x[1]),
         "range_noise_equivalent_photons": float(ranging.x[0]),

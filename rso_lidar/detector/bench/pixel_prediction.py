@@ -117,7 +117,7 @@ class _Clusters:
     depth_s: np.ndarray
 
     def select(self, lit: np.ndarray) -> _Clusters:
-        return _Clusters(*(getattr(self, one.name)[lit] for one in fields(self)))
+        return _Clusters(*(getattr(self, field.name)[lit] for field in fields(self)))
 
 
 def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Clusters:

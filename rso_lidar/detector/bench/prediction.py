@@ -74,10 +74,10 @@ def find_photons(detector: AnyDetector, pulse: LaserPulse, probability: np.ndarr
             known = None
         if known is None:
             return None
-        found = known.probability.reshape(light.shape)
-        above = np.clip((found < wanted[:, None]).sum(axis=1), 1, _SECTIONS)
+        reached = known.probability.reshape(light.shape)
+        above = np.clip((reached < wanted[:, None]).sum(axis=1), 1, _SECTIONS)
         low, high = light[case, above - 1], light[case, above]
-        low_found, high_found = found[case, above - 1], found[case, above]
+        low_found, high_found = reached[case, above - 1], reached[case, above]
     share = (wanted - low_found) / np.maximum(high_found - low_found, np.finfo(float).tiny)
     photons: np.ndarray = np.where(share <= 1.0, low + np.clip(share, 0.0, 1.0) * (high - low), np.inf)
     return photons
@@ -101,18 +101,18 @@ def _predict_by_trial(detector: AnyDetector, pulse: LaserPulse, photons: np.ndar
     middle_m = 0.5 * (traits.sees_from_m + min(traits.sees_to_m, _FARTHEST_M))
     light = make_plate(np.repeat(photons, n), n * levels, (pulse.step_s, pulse.power_per_s), pulse.fwhm_s, middle_m)
     light = replace(light, depth_spread_s=np.repeat(depth_s.ravel(), n))
-    found = run_trial(detector, light, np.random.Generator(np.random.Philox(_SEED)))
-    level = np.flatnonzero(found.detected) // n
+    trial = run_trial(detector, light, np.random.Generator(np.random.Philox(_SEED)))
+    level = np.flatnonzero(trial.detected) // n
     precision_m, snr = np.full(levels, np.inf), np.zeros(levels)
     jitter_m = pulse.timing_jitter_ns / math.sqrt(traits.pulses) * units.NS * units.RANGE_PER_DELAY_M_S
     for k in np.unique(level):
-        errors_m, counts = found.range_error_m[level == k], found.intensity_counts[level == k].astype(float)
+        errors_m, counts = trial.range_error_m[level == k], trial.intensity_counts[level == k].astype(float)
         if len(errors_m) > 1:
             precision_m[k] = np.hypot(errors_m.std(), jitter_m)
             snr[k] = counts.mean() / max(counts.std(), 1e-9)
     shape = photons.shape
     return Prediction(
-        found.detected.reshape(levels, n).mean(axis=1).reshape(shape),
+        trial.detected.reshape(levels, n).mean(axis=1).reshape(shape),
         precision_m.reshape(shape),
         snr.reshape(shape),
         photons >= traits.saturation_photons,

@@ -109,8 +109,8 @@ def simulate_pairs(
     listed_m = reading.return_range_m.reshape(n, 1, -1).astype(float)
     within_m = np.minimum(_TOLERANCE_M, 0.5 * separation)[:, None, None]
     with np.errstate(invalid="ignore"):
-        found = (np.abs(listed_m - true_m[:, :, None]) < within_m).any(axis=2).all(axis=1)
-    return Separations(np.asarray(separation_m, dtype=float), found.reshape(-1, each).mean(axis=1))
+        resolved = (np.abs(listed_m - true_m[:, :, None]) < within_m).any(axis=2).all(axis=1)
+    return Separations(np.asarray(separation_m, dtype=float), resolved.reshape(-1, each).mean(axis=1))
 
 
 def simulate_separations(

@@ -88,11 +88,11 @@ def _try_levels(gsfl: Gsfl, pulse: LaserPulse, sunlight_per_s: float, depth: flo
     light = replace(light, depth_spread_s=np.full(n, depth * pulse.fwhm_s))
     if sunlight_per_s > 0.0:
         light = replace(light, background_photons_per_s=np.full((1, n), sunlight_per_s))
-    found = run_trial(gsfl, light, np.random.Generator(np.random.Philox(_SEED)))
-    level = number[found.detected]
+    trial = run_trial(gsfl, light, np.random.Generator(np.random.Philox(_SEED)))
+    level = number[trial.detected]
     scatter_m, count = np.full(len(_LEVELS), np.nan), np.zeros(len(_LEVELS))
     for k in range(len(_LEVELS)):
-        errors_m = found.range_error_m[level == k]
+        errors_m = trial.range_error_m[level == k]
         if len(errors_m) < _FEWEST_REPORTS:
             continue
         low, middle, high = np.quantile(errors_m, [0.25, 0.5, 0.75])

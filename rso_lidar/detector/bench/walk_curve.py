@@ -97,11 +97,11 @@ def simulate_walk_curve(
     reading, _ = detect(light, isolate(detector), np.random.Generator(np.random.Philox(_SEED)))
     error_m = reading.range_m.astype(float) - light.delay_s.reshape(n, pixels) * units.RANGE_PER_DELAY_M_S
     with np.errstate(invalid="ignore"):
-        found = np.abs(error_m) < _NEAR_M
+        is_near = np.abs(error_m) < _NEAR_M
     bias_m, noise_m = np.full(n, np.nan), np.full(n, np.nan)
     saturated = np.zeros(n)
-    for level in np.flatnonzero(found.any(axis=1)):
-        errors_m = error_m[level, found[level]]
+    for level in np.flatnonzero(is_near.any(axis=1)):
+        errors_m = error_m[level, is_near[level]]
         bias_m[level], noise_m[level] = np.median(errors_m), errors_m.std()
-        saturated[level] = reading.saturated[level, found[level]].mean()
-    return WalkCurve(photons, found.mean(axis=1), bias_m, noise_m, saturated)
+        saturated[level] = reading.saturated[level, is_near[level]].mean()
+    return WalkCurve(photons, is_near.mean(axis=1), bias_m, noise_m, saturated)

@@ -49,20 +49,20 @@ def spill_charge(bloom: Bloom, photons: Photons, electrons_per_photon: float) ->
     number = ((photons.delay_s - photons.delay_s.min()) / (_BIN_FWHM * photons.pulse_fwhm_s)).astype(np.int64)
     number += epoch * (int(number.max()) + 1)
     charge = light.copy()
-    made: list[dict[str, np.ndarray]] = []
-    for one in np.unique(number):
-        of = np.flatnonzero(number == one)
+    spilled: list[dict[str, np.ndarray]] = []
+    for group in np.unique(number):
+        of = np.flatnonzero(number == group)
         held = np.bincount(photons.pixel[of], light[of], n_pixels)
         if held.max() <= well:
             continue
         lost, collected = find_spill(held.reshape(photons.shape), well, bloom.spill_fraction)
         kept = 1.0 - lost / np.maximum(held.reshape(lost.shape) + collected, 1e-300)  # of what was made and collected
         charge[of] = light[of] * kept.ravel()[photons.pixel[of]]
-        made.append(_return_charge(photons, of, lost, collected * kept, bloom.delay_ns * units.NS))
-        made[-1]["epoch"] = np.full(len(made[-1]["pixel"]), epoch[of[0]])
-    if not made:
+        spilled.append(_return_charge(photons, of, lost, collected * kept, bloom.delay_ns * units.NS))
+        spilled[-1]["epoch"] = np.full(len(spilled[-1]["pixel"]), epoch[of[0]])
+    if not spilled:
         return photons
-    return _join(photons, charge * share[epoch], epoch, made, share)
+    return _join(photons, charge * share[epoch], epoch, spilled, share)
 
 
 def find_spill(held: np.ndarray, well: float, spill_fraction: float) -> tuple[np.ndarray, np.ndarray]:
@@ -121,8 +121,8 @@ def _return_charge(
 
     def mean(values: np.ndarray) -> np.ndarray:
         total = np.bincount(photons.pixel[of], photons.photons[of] * values[of], n_pixels)
-        found: np.ndarray = (total / weight)[nearest[pixel]]
-        return found
+        means: np.ndarray = (total / weight)[nearest[pixel]]
+        return means
 
     order = of[np.argsort(photons.photons[of], kind="stable")]
     hit = np.zeros(n_pixels, np.int64)
@@ -138,7 +138,7 @@ def _return_charge(
 
 
 def _join(
-    photons: Photons, light: np.ndarray, epoch: np.ndarray, made: list[dict[str, np.ndarray]], share: np.ndarray
+    photons: Photons, light: np.ndarray, epoch: np.ndarray, spilled: list[dict[str, np.ndarray]], share: np.ndarray
 ) -> Photons:
     """Join the charge that stays and the charge that is collected, each of the latter in a cluster of its own.
 
@@ -147,10 +147,10 @@ def _join(
     photons : light on every pixel.
     light : (return) what is left of it.
     epoch : (return) epoch of each.
-    made : returns of collected charge, with their epochs.
+    spilled : returns of collected charge, with their epochs.
     share : (epoch) share of the pulses.
     """
-    new = {name: np.concatenate([one[name] for one in made]) for name in made[0]}
+    new = {name: np.concatenate([returns[name] for returns in spilled]) for name in spilled[0]}
     new["photons"] = new["photons"] * share[new["epoch"]]
     columns: dict[str, Any] = {}
     for name in ("pixel", "delay_s", "photons", "depth_spread_s", "coherence_cells", "hit"):

@@ -170,8 +170,8 @@ def _locate_returns(
             return locate(some, start[block], locator, mask, held)
 
         blocks = [slice(k, k + _TRACES_AT_ONCE) for k in range(0, max(len(samples), 1), _TRACES_AT_ONCE)]
-        found = zip(*run_in_threads(threads, locate_some, blocks), strict=True)
-        delay_s, amplitude = (np.concatenate(pieces)[:, None] for pieces in found)
+        located = zip(*run_in_threads(threads, locate_some, blocks), strict=True)
+        delay_s, amplitude = (np.concatenate(pieces)[:, None] for pieces in located)
         return delay_s, amplitude
     least = np.full(len(samples), locator.threshold_counts)
     if gate_thresholds is not None:

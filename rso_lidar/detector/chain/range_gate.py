@@ -47,9 +47,9 @@ def store_gate(
     n_steps = n_samples * plan.steps_per_sample if with_taps else 0
     primaries, analog = (np.zeros((n_pixels, n_steps), np.float32) for _ in range(2))
     for light in photons.split_pulses(gate.pulses):
-        made = simulate_analog(camera.front, axis, light, rows, rng, threads)
-        amplitude = made.amplitude
-        primaries += cut_steps(made.primaries, rows.pixel, first, n_steps)
+        signals = simulate_analog(camera.front, axis, light, rows, rng, threads)
+        amplitude = signals.amplitude
+        primaries += cut_steps(signals.primaries, rows.pixel, first, n_steps)
         analog += cut_steps(amplitude, rows.pixel, first, n_steps)
         counts = store_samples(
             readout, amplitude, rows.pixel, first, plan.steps_per_sample, n_samples, pixels.offset_counts

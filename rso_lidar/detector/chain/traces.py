@@ -60,11 +60,11 @@ def store_traces(
     sure = _CERTAIN_DETECTION * (1.0 + 5.0 * comparators.trigger.threshold_spread_fraction) * camera.threshold_photons
     rows, arming = arm_rows(comparators, place_rows(photons, plan, dark, sure), step_s)
     axis = camera.axis(rows.length)
-    made = simulate_analog(camera.front, axis, photons, rows, rng, threads)
+    signals = simulate_analog(camera.front, axis, photons, rows, rng, threads)
     base = camera.front.base_rate_per_s(photons)
     threshold = (comparators.trigger.threshold_electrons * pixels.threshold[rows.pixel]).astype(np.float32)
     stored_before = readout.pretrigger_samples * per_sample
-    latch = latch_rows(comparators, axis, made, threshold, base[rows.pixel], arming, stored_before, rng)
+    latch = latch_rows(comparators, axis, signals, threshold, base[rows.pixel], arming, stored_before, rng)
     fired = np.flatnonzero((latch >= 0.0) & ~pixels.dead[rows.pixel])
     row = fired[np.diff(rows.pixel[fired], prepend=-1) != 0]  # the first of each pixel
     pixel, latch_step = rows.pixel[row], rows.start[row] + latch[row]
@@ -83,20 +83,20 @@ def store_traces(
     sample = np.floor(latch_step / per_sample).astype(np.int64) - readout.pretrigger_samples
     offset = pixels.offset_counts
     first = sample * per_sample - rows.start[row]
-    counts = store_samples(readout, made.amplitude, row, first, per_sample, readout.samples, offset[pixel])
+    counts = store_samples(readout, signals.amplitude, row, first, per_sample, readout.samples, offset[pixel])
     clipped = crossing_s = None
     if readout.low_gain is not None:
-        clipped = merge_low_gain(readout, made.amplitude, rows, row, first, per_sample, offset[pixel], counts, rng)
+        clipped = merge_low_gain(readout, signals.amplitude, rows, row, first, per_sample, offset[pixel], counts, rng)
     if camera.zero_crossing is not None:
         latched = latch_step - rows.start[row]
-        crossing_s = time_crossings(camera.zero_crossing, axis, made, row, latched, rng, threads)
+        crossing_s = time_crossings(camera.zero_crossing, axis, signals, row, latched, rng, threads)
     latch_s = latch_step * step_s
     n_steps = readout.samples * per_sample
     tapped = (
         [
             threshold[row],
-            cut_steps(made.primaries, row, first, n_steps) + (base[pixel, None] * step_s).astype(np.float32),
-            cut_steps(made.amplitude, row, first, n_steps),
+            cut_steps(signals.primaries, row, first, n_steps) + (base[pixel, None] * step_s).astype(np.float32),
+            cut_steps(signals.amplitude, row, first, n_steps),
         ]
         if with_taps
         else []
@@ -112,7 +112,7 @@ def store_traces(
             between[:, ::per_sample] = noise
             own = np.broadcast_to(base[noisy, None] * step_s, between.shape)
             added = level, own, between
-            tapped = [_merge(one, other, order) for one, other in zip(tapped, added, strict=True)]
+            tapped = [_merge(first, other, order) for first, other in zip(tapped, added, strict=True)]
         counts = _merge(counts, convert(readout, noise, offset[noisy, None]), order)
         if clipped is not None:
             clipped = _merge(clipped, np.zeros(noise.shape, bool), order)

@@ -106,12 +106,18 @@ def locate_clipped_pulses(
         inside = (sample >= 0) & (sample < samples.shape[1])
         shown = np.take_along_axis(~clipped[trace], np.clip(sample, 0, samples.shape[1] - 1), axis=1)
         trace = trace[(shown & inside & matched.in_pulse).sum(axis=1) < 3]
-    found = np.array(place, float)
+    corrected = np.array(place, float)
     if len(trace):
         place_by_edges(
-            packed(samples, np.float32), packed(clipped, np.bool_), trace, peak, float(sigma_counts), *edges(), found
+            packed(samples, np.float32),
+            packed(clipped, np.bool_),
+            trace,
+            peak,
+            float(sigma_counts),
+            *edges(),
+            corrected,
         )
-    return found
+    return corrected
 
 
 @kernel

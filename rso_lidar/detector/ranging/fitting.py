@@ -179,17 +179,17 @@ def fit_first(
     rounds, half, fwhm, codes, (keys, weights) = matched
     none = np.zeros((0, 0), np.bool_)
     for trace in range(samples.shape[0]):
-        one = samples[trace]
-        peak = find_first_peak(one, start[trace] - 1, least)
-        peak = find_highest_near(one, peak)
-        guess = peak + locate_vertex(one, peak)
+        counts = samples[trace]
+        peak = find_first_peak(counts, start[trace] - 1, least)
+        peak = find_highest_near(counts, peak)
+        guess = peak + locate_vertex(counts, peak)
         some = is_any_clipped(clipped, trace)
         low, high = find_plateau(clipped, trace, peak)
         if high > low:
             peak, guess = (low + high) // 2, 0.5 * (low + high)
         peaks[trace] = peak
         place[trace], height[trace], unknown[trace] = fit_pulse(
-            one, clipped if some else none, trace, guess, rounds[some * 1], half, fwhm, codes, keys, weights
+            counts, clipped if some else none, trace, guess, rounds[some * 1], half, fwhm, codes, keys, weights
         )
 
 
@@ -247,7 +247,7 @@ def fit_all(
     statistic, alone, peaks = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(most, np.int64)
     for trace in range(samples.shape[0]):
         unknown[trace] = 0
-        found = find_peaks(
+        n_peaks = find_peaks(
             samples[trace],
             half,
             height_weights,
@@ -258,17 +258,17 @@ def fit_all(
             peaks,
         )
         for slot in range(most):
-            alive[trace, slot], place[trace, slot], height[trace, slot] = slot < found, np.nan, 0.0
-        if found == 0:
+            alive[trace, slot], place[trace, slot], height[trace, slot] = slot < n_peaks, np.nan, 0.0
+        if n_peaks == 0:
             continue
         rail = clipped if is_any_clipped(clipped, trace) else none
-        several = found > 1
+        several = n_peaks > 1
         for sweep in range(4):
-            for slot in range(found):
+            for slot in range(n_peaks):
                 if not alive[trace, slot] or (sweep > 0 and not several):
                     continue
                 alone[:] = samples[trace]
-                for other in range(found):
+                for other in range(n_peaks):
                     if other != slot and height[trace, other] > 0.0:
                         subtract_pulse(
                             alone, table, from_step, steps_per_sample, place[trace, other], height[trace, other]
@@ -294,10 +294,10 @@ def fit_all(
                     unknown[trace], unknown_at[trace] = missing, place[trace, slot]
             if sweep == 1:
                 left = drop_weak_pulses(
-                    place[trace, :found], height[trace, :found], alive[trace, :found], threshold, 0.75 * fwhm
+                    place[trace, :n_peaks], height[trace, :n_peaks], alive[trace, :n_peaks], threshold, 0.75 * fwhm
                 )
                 several = left > 1
-        for slot in range(found):
+        for slot in range(n_peaks):
             alive[trace, slot] = alive[trace, slot] and height[trace, slot] >= threshold
 
 

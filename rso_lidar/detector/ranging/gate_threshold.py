@@ -91,16 +91,16 @@ def _solve_threshold(given: GateThresholds, rate_per_s: float) -> float:
     step_s = amplifier.pole_s / 8.0
     time_s = np.arange(-(20.0 * amplifier.pole_s), samples[-1] * matched.sample_s, step_s)
     x = np.maximum(samples * matched.sample_s - time_s[:, None], 0.0) / amplifier.pole_s
-    one = (x * np.exp(-x) * (amplifier.integration_s / amplifier.pole_s / per_count) * weights).sum(axis=1)
-    one /= gate.pulses
+    response = (x * np.exp(-x) * (amplifier.integration_s / amplifier.pole_s / per_count) * weights).sum(axis=1)
+    response /= gate.pulses
     rate = rate_per_s * gate.pulses * step_s
     _, square, _ = cumulants(apd)
-    sigma = math.sqrt(gaussian + rate * square * float((one**2).sum()))
+    sigma = math.sqrt(gaussian + rate * square * float((response**2).sum()))
     if sigma < _LEAST_COUNTS:
         return _LEAST_COUNTS * 4.0
     spacing = sigma / _FINE
     omega = 2.0 * math.pi * np.arange(_GRID // 2 + 1) / (_GRID * spacing)
-    logarithm = -0.5 * omega**2 * gaussian + rate * _avalanches(one, spacing, apd)
+    logarithm = -0.5 * omega**2 * gaussian + rate * _avalanches(response, spacing, apd)
     density = np.fft.irfft(np.exp(logarithm).conj(), _GRID) / spacing
     density = np.maximum(np.roll(density, _GRID // 2), 0.0)
     height = (np.arange(_GRID) - _GRID // 2) * spacing

@@ -182,11 +182,11 @@ def _crossing(samples: np.ndarray, peak: np.ndarray, level: np.ndarray) -> np.nd
     n, row = samples.shape[1], np.arange(len(samples))
     below = (samples < level[:, None]) & (np.arange(n) < peak[:, None])
     before = n - 1 - below[:, ::-1].argmax(axis=1)
-    found = below[row, before]
-    before = np.where(found, before, 0)
+    is_crossed = below[row, before]
+    before = np.where(is_crossed, before, 0)
     low, high = samples[row, before].astype(float), samples[row, before + 1].astype(float)
-    share = np.divide(level - low, high - low, out=np.zeros_like(low), where=found & (high > low))
-    return np.where(found, before + share, np.nan)
+    share = np.divide(level - low, high - low, out=np.zeros_like(low), where=is_crossed & (high > low))
+    return np.where(is_crossed, before + share, np.nan)
 
 
 def _centroid(samples: np.ndarray, peak: np.ndarray, matched: Matched) -> np.ndarray:
@@ -243,7 +243,7 @@ def locate_all(
     alive, place, height = fit_all_pulses(samples, matched, least, locator.sigma_counts, most, clipped)
     slots = int(np.flatnonzero(alive.any(axis=0)).max(initial=0)) + 1
     alive, place, height = alive[:, :slots], place[:, :slots], height[:, :slots]
-    found = place - matched.lead
+    crossing = place - matched.lead
     if locator.ranging.algorithm != "matched_filter":
         for slot in range(slots):
             rows = np.flatnonzero(alive[:, slot])
@@ -251,16 +251,16 @@ def locate_all(
             peak = np.clip(np.rint(place[rows, slot]), 0, samples.shape[1] - 1).astype(np.intp)
             if clipped is None:
                 peak = raise_to_highest(alone, peak)
-            found[rows, slot] = _place(alone, peak, locator, least)
+            crossing[rows, slot] = _place(alone, peak, locator, least)
     elif (held := clipped if railed is None else railed) is not None:
         for slot in range(slots):
             rows = np.flatnonzero(alive[:, slot] & np.isfinite(place[:, slot]))
             peak = np.clip(np.rint(place[rows, slot]), 0, samples.shape[1] - 1).astype(np.intp)
-            found[rows, slot] = _relocate(samples[rows], held[rows], peak, place[rows, slot], locator) - matched.lead
-    alive &= np.isfinite(found)
-    found = np.where(alive, found, np.nan)
-    order = np.argsort(found, axis=1)
-    delay_s = np.take_along_axis(found, order, axis=1) * matched.sample_s
+            crossing[rows, slot] = _relocate(samples[rows], held[rows], peak, place[rows, slot], locator) - matched.lead
+    alive &= np.isfinite(crossing)
+    crossing = np.where(alive, crossing, np.nan)
+    order = np.argsort(crossing, axis=1)
+    delay_s = np.take_along_axis(crossing, order, axis=1) * matched.sample_s
     return delay_s, np.take_along_axis(np.where(alive, height, 0.0), order, axis=1)
 
 

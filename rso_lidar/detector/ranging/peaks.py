@@ -169,8 +169,8 @@ def find_peaks(
             if total >= least:
                 statistic[sample], any_left = total, True
         before, here = here, after
-    found = 0
-    while any_left and found < peaks.shape[0]:
+    n_peaks = 0
+    while any_left and n_peaks < peaks.shape[0]:
         highest = 0
         for sample in range(n):
             highest = sample if statistic[sample] > statistic[highest] else highest
@@ -180,12 +180,12 @@ def find_peaks(
                 if abs(sample - highest) < apart:
                     statistic[sample] = -np.inf
             stands = True
-            for other in range(found):
+            for other in range(n_peaks):
                 stands = stands and is_separated(samples, highest, peaks[other], three_sigma)
             if stands:
-                peaks[found] = highest
-                found += 1
-    return found
+                peaks[n_peaks] = highest
+                n_peaks += 1
+    return n_peaks
 
 
 @kernel
