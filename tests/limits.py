@@ -5,8 +5,8 @@ counts for the share of a core that a process then gets. A test over its limit f
 One that holds the interpreter's lock inside a library, so that nothing else runs, ends its process, as far as a limit later.
 
 A test without the mark `slow` is quick: it takes at most `QUICK_S` of CPU, with the processes that it starts and awaits. A
-slower one is listed at the end, and fails from five times that on. A yardstick, run after such a test, loosens the limit on a
-machine that is slower or busy. Fixtures do not count, nor does a test during which kernels are compiled: others use both.
+slower one is listed at the end, and fails from five times that on. A yardstick, run after such a test, loosens the limit on
+a machine that is slower or busy. Fixtures do not count, nor does a test during which kernels are compiled: others use both.
 """
 
 import faulthandler

@@ -214,3 +214,19 @@ def test_a_question_is_seen(code):
     assert lines_about(questions(ast.parse(code)), "detector", {"Gsfl", "Empirical"})
     other = questions(ast.parse("detector.detect(photons); isinstance(x, Laser)"))
     assert not lines_about(other, "detector", {"Gsfl"})
+
+
+RIDDLES = {"one", "found", "made", "told"}
+
+
+def riddles(tree):
+    """Return the lines that bind a local name which says nothing of the thing that it holds."""
+    fields = {id(it.target) for it in ast.walk(tree) if isinstance(it, ast.AnnAssign) and it.value is None}
+    stored = [it for it in ast.walk(tree) if isinstance(it, ast.Name) and isinstance(it.ctx, ast.Store)]
+    return sorted({it.lineno for it in stored if it.id in RIDDLES and id(it) not in fields})
+
+
+def test_locals_are_named_after_what_they_hold():
+    found = {name: lines for name, tree in parse("rso_lidar").items() if (lines := riddles(tree))}
+    assert not found
+    assert riddles(ast.parse("for one in rows:\n    pass\nfound = 3\nx = [made for made in rows]")) == [1, 3, 4]
