@@ -299,7 +299,7 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
         wrong.append(out)
     if wrong:
         cure = "fetch elements of SGP4" if is_foreign else "correct the record, or fetch it again"
-        message = f"{where}: {join_problems(wrong)}: {cure}"
+        message = f"{where}: {join_problems(wrong)}; {cure}"
         element_set = ElementSet(**{**element_set.__dict__, "problem": message})
     return element_set
 
