@@ -113,7 +113,7 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
         if out is None:
             return element_set, at
         cure = "fetch elements of SGP4" if element_set.ephemeris_type == SGP4_XP else "fetch the set again"
-        problem = f"{place}: {out}: {cure}"
+        problem = f"{place}: {out}; {cure}"
     return ElementSet(name, identity, line1, line2, place, problem, **fields), at
 
 

@@ -230,7 +230,7 @@ def test_sets_of_sgp4_xp_are_left_out_because_of_their_theory(form):
     assert "BSTAR" in text
     (problem,) = Catalog.from_text(text.replace("BSTAR", "BTERM")).problems
     assert problem.endswith(
-        ": is for SGP4-XP (BTERM in place of BSTAR), another theory than SGP4: fetch elements of SGP4"
+        ": is for SGP4-XP (BTERM in place of BSTAR), another theory than SGP4; fetch elements of SGP4"
     )
 
 

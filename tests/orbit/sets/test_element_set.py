@@ -134,11 +134,11 @@ def test_epochs_that_are_none(text, why):
         ({"MEAN_ELEMENT_THEORY": "DSST"}, "which SGP4 cannot propagate"),
         (
             {"EPHEMERIS_TYPE": 4},
-            "record 7: is for SGP4-XP (ephemeris type 4), another theory than SGP4: fetch elements",
+            "record 7: is for SGP4-XP (ephemeris type 4), another theory than SGP4; fetch elements",
         ),
         (
             {"MEAN_ELEMENT_THEORY": "SGP4-XP", "BSTAR": None, "BTERM": 0.02, "EPHEMERIS_TYPE": 4},
-            "record 7: MEAN_ELEMENT_THEORY is 'SGP4-XP', which SGP4 cannot propagate: it needs SGP4: fetch elements of SGP4",
+            "record 7: MEAN_ELEMENT_THEORY is 'SGP4-XP', which SGP4 cannot propagate: it needs SGP4; fetch elements of SGP4",
         ),
         (
             {"BSTAR": None, "MEAN_MOTION": "x", "INCLINATION": "y"},

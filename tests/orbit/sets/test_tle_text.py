@@ -85,7 +85,7 @@ def test_shifted_columns_keep_the_checksum_and_are_seen():
         (1, (20, 32, "000.50000000"), "is not a year and day (2026 has 365 days)"),
         (1, (18, 32, "24367.00000000"), "is not a year and day (2024 has 366 days)"),
         (1, (18, 32, "57366.00000000"), "is not a year and day (1957 has 365 days)"),
-        (1, (62, 63, "4"), "SGP4-XP (ephemeris type 4), another theory than SGP4: fetch elements of SGP4"),
+        (1, (62, 63, "4"), "SGP4-XP (ephemeris type 4), another theory than SGP4; fetch elements of SGP4"),
         (2, (8, 16, "190.0000"), "inclination 190 is not from 0 to 180"),
         (2, (52, 63, " 0.00000000"), "mean motion 0 rev/day is not above 0"),
         (2, (26, 33, "00x1759"), "eccentricity '00x1759' is not a number"),
