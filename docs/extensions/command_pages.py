@@ -5,7 +5,7 @@ from typing import Any
 
 import typer
 
-from rso_lidar.cli import app
+from rso_lidar.cli.app import app
 
 
 def option_rows(command: Any, context: Any) -> list[str]:

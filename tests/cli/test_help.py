@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from rso_lidar.cli import app
-from rso_lidar.cli.app import COMMANDS, load_command
+from rso_lidar.cli.app import COMMANDS, app, load_command
 from rso_lidar.export.registry import FORMAT_SUFFIXES
 from tests.house.test_start import LATER
 

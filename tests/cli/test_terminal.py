@@ -8,9 +8,8 @@ import sys
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.cli import to_one_line
 from rso_lidar.cli.console import make_console
-from rso_lidar.cli.terminal import escape_controls
+from rso_lidar.cli.terminal import escape_controls, to_one_line
 
 # Colours, a new title of the window, the end of the line, a C1 control sequence, a text turned about, a byte of no text.
 STRANGE = "\x1b[31mred\x1b]0;title\x07\x08\x9b2J\u202eback\u2066[bold]x[/bold]:smile:"

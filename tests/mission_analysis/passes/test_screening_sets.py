@@ -239,7 +239,7 @@ def test_real_pairs_against_a_grid_over_their_trajectories(shared, name, followe
 def test_a_picture_of_no_encounter_is_not_written_and_that_is_said(tmp_path):
     from typer.testing import CliRunner
 
-    from rso_lidar.cli import app
+    from rso_lidar.cli.app import app
     from rso_lidar.shipped import shipped
 
     place = tmp_path / "none.png"
