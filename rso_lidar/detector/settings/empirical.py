@@ -1,4 +1,4 @@
-"""Empirical detector: curves that Fuller et al. (sec. 3.3) fitted to their camera, as functions of photons."""
+"""Empirical detector: curves over photons in the form of Fuller et al. (sec. 3.3), fitted to the default signal chain."""
 
 import math
 from functools import cached_property

@@ -1,1 +1,1 @@
-"""Tables and curves drawn: orbits, angles, tracks and model cards, one figure each."""
+"""Tables and curves drawn: orbits, angles, trajectories and time curves, one figure each."""
