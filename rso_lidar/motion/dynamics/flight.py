@@ -35,9 +35,10 @@ class StateSpaceModel(Part, CommandedModel):
     `dynamics` is ``file.py:name``, ``package.module:name`` or, in Python, the callable itself. It is called with
     seconds since `start_utc`, the state (n,) and the inputs (m,), and returns the derivatives (n,). `inputs` hold until
     `Command.inputs` of a controller replaces them. The integrators keep these tolerances for each step: Runge-Kutta 5(4)
-    just after a command, then DOP853. For a motion, an accelerometer measures f(t, x, u) - f(t, x, 0). Where f has drag or
-    light pressure, or inputs that are not thrust, the function states what is felt as its attribute `specific_force`: a function of (t, x, u) that returns the
-    acceleration without gravitation [m/s2] (3,), in the axes of the velocity in x.
+    just after a command, then DOP853. For a motion, an accelerometer measures f(t, x, u) - f(t, x, 0). Where f has
+    drag or light pressure, or inputs that are not thrust, the function states what is felt as its attribute
+    `specific_force`: a function of (t, x, u) that returns the acceleration without gravitation [m/s2] (3,), in the
+    axes of the velocity in x.
     """
 
     dynamics: Dynamics = Field(

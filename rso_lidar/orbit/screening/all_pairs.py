@@ -175,7 +175,6 @@ def _select_partners(
 
     Parameters
     ----------
-    number : of the set
     span_s : (set, 2) when each set applies [s since the start]
     within_m : limit of range [m]
     """
