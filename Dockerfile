@@ -2,7 +2,7 @@
 #   docker build -t rso-lidar .
 #   docker run --rm -v "$PWD:/data" --user "$(id -u):$(id -g)" rso-lidar new approach --from tdrs_approach
 #   docker run --rm -v "$PWD:/data" --user "$(id -u):$(id -g)" rso-lidar run approach.toml -o approach.h5
-# The checkout, for the two commands of the README; `docker cp` copies out/ of the container `demo`:
+# The checkout, for `make demo` and `make test`; `docker cp` copies out/ of the container `demo`:
 #   docker build --target checkout -t rso-lidar:checkout .
 #   docker run --name demo rso-lidar:checkout make demo
 #   docker run --rm rso-lidar:checkout make test

@@ -193,13 +193,16 @@ if not _TYPE_CHECKING:  # which finds a wrong name itself
     def __getattr__(name: str) -> object:
         """Import what a name stands for when it is first used; say in which room a name is that is not here."""
         import sys
+        from importlib import import_module
         from importlib.util import find_spec
 
         if name == "__version__":
             from importlib.metadata import version
 
             return version("rso-lidar")
-        if not (name in __all__ or name.startswith("_") or find_spec(f"rso_lidar.{name}")):
+        if not (name in __all__ or name.startswith("_")):
+            if find_spec(f"rso_lidar.{name}"):  # such as rl.errors
+                return import_module(f"rso_lidar.{name}")
             for room in _ROOMS:
                 if name in getattr(sys.modules[__name__], room).__all__:
                     raise AttributeError(f"module 'rso_lidar' has no attribute '{name}': rl.{name} is rl.{room}.{name}")

@@ -10,8 +10,8 @@ def percentile_interval(replicates: np.ndarray, confidence: float) -> tuple[floa
 
     Parameters
     ----------
-    replicates : (replicate) values.
-    confidence : probability of the interval.
+    replicates : (replicate) values
+    confidence : probability of the interval
     """
     known = replicates[~np.isnan(replicates)]
     if len(known) < 0.9 * len(replicates) or not len(known):
@@ -26,9 +26,9 @@ def wilson_interval(share: float, count: float, confidence: float) -> tuple[floa
 
     Parameters
     ----------
-    share : observed proportion.
-    count : number of independent trials, which need not be whole.
-    confidence : probability of the interval.
+    share : observed proportion
+    count : number of independent trials, which need not be whole
+    confidence : probability of the interval
 
     >>> low, high = wilson_interval(0.9, 100, 0.95)
     >>> round(low, 4), round(high, 4)
@@ -49,9 +49,9 @@ def clopper_pearson_bounds(share: float, count: float, confidence: float) -> tup
 
     Parameters
     ----------
-    share : observed proportion.
-    count : number of independent trials, which need not be whole.
-    confidence : probability that the lower bound is below the proportion, and likewise of the upper bound.
+    share : observed proportion
+    count : number of independent trials, which need not be whole
+    confidence : probability that the lower bound is below the proportion, and likewise of the upper bound
 
     >>> low, high = clopper_pearson_bounds(1.0, 100, 0.95)
     >>> round(low, 4), high  # the 100th root of 0.05
@@ -73,8 +73,8 @@ def poisson_bounds(events: float, confidence: float) -> tuple[float, float]:
 
     Parameters
     ----------
-    events : observed count, which need not be whole.
-    confidence : probability that the lower bound is below the mean, and likewise of the upper bound.
+    events : observed count, which need not be whole
+    confidence : probability that the lower bound is below the mean, and likewise of the upper bound
 
     >>> low, high = poisson_bounds(0, 0.95)
     >>> low, round(high, 4)  # the rule of three
@@ -91,8 +91,8 @@ def student_bounds(values: np.ndarray, confidence: float) -> tuple[float, float]
 
     Parameters
     ----------
-    values : (value) independent values.
-    confidence : probability that the lower bound is below the mean, and likewise of the upper bound.
+    values : (value) independent values
+    confidence : probability that the lower bound is below the mean, and likewise of the upper bound
     """
     from scipy.special import stdtrit
 
@@ -118,11 +118,11 @@ def bootstrap_bounds(
 
     Parameters
     ----------
-    replicates : (replicate) values.
-    estimate : value of the sample itself.
-    confidence : probability of each bound.
-    left_out : (unit) values of the sample without one of its units.
-    units : number of independent units of the sample, 2 or more (None: the tails are not expanded).
+    replicates : (replicate) values
+    estimate : value of the sample itself
+    confidence : probability of each bound
+    left_out : (unit) values of the sample without one of its units
+    units : number of independent units of the sample, 2 or more (None: the tails are not expanded)
     """
     from scipy.special import ndtr, ndtri, stdtrit
 
@@ -150,7 +150,7 @@ def effective_count(hits: np.ndarray, trials: np.ndarray) -> float:
 
     Parameters
     ----------
-    hits, trials : (encounter) successes and trials of each encounter.
+    hits, trials : (encounter) successes and trials of each encounter
     """
     asked = trials > 0
     n, total = int(asked.sum()), float(trials.sum())

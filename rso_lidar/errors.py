@@ -68,8 +68,8 @@ class PropagationError(RsoLidarError, ValueError):
 
         Parameters
         ----------
-        message : where, what, and what to do.
-        bad : boolean mask (time) of the epochs without an answer.
+        message : where, what, and what to do
+        bad : boolean mask (time) of the epochs without an answer
         """
         super().__init__(message)
         self.bad = np.zeros(0, dtype=bool) if bad is None else np.asarray(bad, dtype=bool)
@@ -176,8 +176,8 @@ def rephrase(error: RsoLidarError, message: str) -> RsoLidarError:
 
     Parameters
     ----------
-    error : to copy.
-    message : of the copy.
+    error : to copy
+    message : of the copy
     """
     copy = type(error)(message)
     vars(copy).update(vars(error))
@@ -218,8 +218,8 @@ def join_problems(problems: Iterable[str], separator: str = "; ") -> str:
 
     Parameters
     ----------
-    problems : descriptions, the causes first.
-    separator : text between two of them.
+    problems : descriptions, the causes first
+    separator : text between two of them
 
     >>> join_problems(["a: is missing", "b: is missing"])
     'a: is missing; b: is missing'

@@ -134,18 +134,18 @@ def watch_compiling(tell: Callable[[int, int], None]) -> Iterator[None]:
 
     Parameters
     ----------
-    tell : called with the number of kernels compiled so far, this one included, and the most that there can be.
+    tell : called with the number of kernels compiled so far, this one included, and that of all kernels loaded by then
     """
     from numba.core import event
 
-    ours, compiled = {kernel.function for kernel in Kernel.all}, set()
+    compiled = set()
 
     class Compiled(event.Listener):
         def on_start(self, event: Any) -> None:
             function = event.data["dispatcher"].py_func
-            if function in ours and function not in compiled:
+            if function not in compiled and any(kernel.function is function for kernel in Kernel.all):
                 compiled.add(function)
-                tell(len(compiled), len(ours))
+                tell(len(compiled), len(Kernel.all))
 
         def on_end(self, event: Any) -> None:
             pass

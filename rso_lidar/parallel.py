@@ -16,9 +16,9 @@ def run_in_threads(threads: int | None, work: Callable[[Any], Any], pieces: Sequ
 
     Parameters
     ----------
-    threads : number of threads (None: one for each core).
-    work : called with one piece.
-    pieces : the arguments.
+    threads : number of threads (None: one for each core)
+    work : called with one piece
+    pieces : the arguments
     """
     helpers = min(threads or os.cpu_count() or 1, len(pieces)) - 1
     if helpers < 1:

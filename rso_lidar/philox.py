@@ -28,8 +28,8 @@ def draw_block(key: np.ndarray, step: int, row: int, pixel: int, stage: int) -> 
 
     Parameters
     ----------
-    key : (2) uint32.
-    step, row, pixel, stage : the four words of the counter, first to last; 32 bits of each count.
+    key : (2) uint32
+    step, row, pixel, stage : the four words of the counter, first to last; 32 bits of each count
 
     Returns
     -------
@@ -48,9 +48,9 @@ def fill_row(key: np.ndarray, row: int, pixel: int, stage: int, words: np.ndarra
 
     Parameters
     ----------
-    key : (2) uint32.
-    row, pixel, stage : address of the row.
-    words : (step) uint32, written; a multiple of four steps.
+    key : (2) uint32
+    row, pixel, stage : address of the row
+    words : (step) uint32, written; a multiple of four steps
     """
     n = len(words) // 4
     k0, k1 = np.uint64(key[0]), np.uint64(key[1])

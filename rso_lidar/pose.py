@@ -136,9 +136,9 @@ class Link:
 
         Parameters
         ----------
-        pose : parent_from_child, or its translation [m] (…, 3) and rotation matrix (…, 3, 3).
-        velocity_m_s : (…, 3) velocity of the child's origin relative to the parent, in parent axes [m/s].
-        angular_velocity_rad_s : (…, 3) of the child relative to the parent, in child axes [rad/s].
+        pose : parent_from_child, or its translation [m] (…, 3) and rotation matrix (…, 3, 3)
+        velocity_m_s : (…, 3) velocity of the child's origin relative to the parent, in parent axes [m/s]
+        angular_velocity_rad_s : (…, 3) of the child relative to the parent, in child axes [rad/s]
         """
         known = None if isinstance(pose, tuple) else pose
         given = pose if isinstance(pose, tuple) else (pose.translation, pose.rotation.as_matrix())
@@ -277,8 +277,8 @@ class PoseTree(Mapping[str, Link]):
 
         Parameters
         ----------
-        name, parent : the node and its parent.
-        link : parent_from_child with rates.
+        name, parent : the node and its parent
+        link : parent_from_child with rates
         """
         return PoseTree({**self._parents, name: parent}, {**self._links, name: link})
 

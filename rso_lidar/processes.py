@@ -43,8 +43,8 @@ class Processes:
 
         Parameters
         ----------
-        count : number of processes.
-        function : called in each process with the arguments of `submit`.
+        count : number of processes
+        function : called in each process with the arguments of `submit`
 
         Raises
         ------
@@ -135,9 +135,9 @@ def call_in_background(
 
     Parameters
     ----------
-    function : called with the arguments of the yielded one.
-    count : number of threads or processes.
-    in_processes : whether processes work instead of threads.
+    function : called with the arguments of the yielded one
+    count : number of threads or processes
+    in_processes : whether processes work instead of threads
     """
     if not in_processes:
         with ThreadPoolExecutor(count) as threads:
@@ -191,8 +191,8 @@ def _format_warning(message: Warning | str, *_place: Any, **_more: Any) -> str:
 
     Parameters
     ----------
-    message : the warning, which `warnings` passes.
-    _place, _more : where it was raised, not used.
+    message : the warning, which `warnings` passes
+    _place, _more : where it was raised, not used
     """
     return f"warning: {message}\n"
 
@@ -202,7 +202,7 @@ def _refuse(problem: str, *_given: Any, **_chosen: Any) -> Any:
 
     Parameters
     ----------
-    _given, _chosen : arguments of that function, not used.
+    _given, _chosen : arguments of that function, not used
 
     Raises
     ------

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 
 
 def limit_dir(room: str, *further: str) -> Callable[[], list[str]]:
@@ -12,8 +13,8 @@ def limit_dir(room: str, *further: str) -> Callable[[], list[str]]:
 
     Parameters
     ----------
-    room : full name of the room's module, its ``__name__``.
-    *further : names to list beside those of `__all__`.
+    room : full name of the room's module, its ``__name__``
+    *further : names to list beside those of `__all__`
 
     Returns
     -------
@@ -31,7 +32,7 @@ def export_lazily(room: str) -> Callable[[str], object]:
 
     Parameters
     ----------
-    room : full name of the room's module, its ``__name__``.
+    room : full name of the room's module, its ``__name__``
 
     Returns
     -------
@@ -43,10 +44,13 @@ def export_lazily(room: str) -> Callable[[str], object]:
         if name not in (places := _find_exports(room)):
             raise AttributeError(f"module '{room}' has no attribute '{name}'")
         module, original = places[name]
-        if module != room and hasattr(import_module(module), original):
-            value: object = getattr(import_module(module), original)
-        else:  # the export is itself a module
-            value = import_module(f"{module}.{original}")
+        place = import_module(module)
+        if (
+            hasattr(place, "__path__") and find_spec(f"{module}.{original}") is not None
+        ):  # the export is itself a module
+            value: object = import_module(f"{module}.{original}")
+        else:
+            value = getattr(place, original)
         setattr(sys.modules[room], name, value)  # from now on Python finds it without this function
         return value
 

@@ -28,8 +28,8 @@ def find(path: str | Path, folder: Path | None = None) -> Path | None:
 
     Parameters
     ----------
-    path : as the user states it.
-    folder : start of relative paths (None: the working folder).
+    path : as the user states it
+    folder : start of relative paths (None: the working folder)
     """
     try:
         wanted = Path(path).expanduser()

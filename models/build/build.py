@@ -62,7 +62,7 @@ def build(name: str) -> CraftModel:
 
     Parameters
     ----------
-    name : of a builder, as listed by `builders`.
+    name : of a builder, as listed by `builders`
 
     Returns
     -------

@@ -85,10 +85,10 @@ def _on_cone(solid: Solid, height_m: float, azimuth_deg: float, proud_m: float =
 
     Parameters
     ----------
-    solid : to be placed.
-    height_m : of its origin above the foot [m].
-    azimuth_deg : about the axis [deg]; 180 is the side of the hatch.
-    proud_m : height above the surface [m].
+    solid : to be placed
+    height_m : of its origin above the foot [m]
+    azimuth_deg : about the axis [deg]; 180 is the side of the hatch
+    proud_m : height above the surface [m]
     """
     radius = _radius(height_m) + proud_m * COS
     tilted = solid.turn("z", 180).turn("y", 90.0 - CONE_DEG)

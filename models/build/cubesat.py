@@ -69,7 +69,7 @@ def cubesat(units: int) -> CraftModel:
 
     Parameters
     ----------
-    units : 1, 3, 6 or 12 units of about 10 cm.
+    units : 1, 3, 6 or 12 units of about 10 cm
 
     Returns
     -------

@@ -116,10 +116,10 @@ def _hood(
 
     Parameters
     ----------
-    inner_m, outer_m : radii at the closed and at the open end [m].
-    length_m : of the hood [m].
-    place_m : middle of the closed end [m].
-    direction : from the closed to the open end.
+    inner_m, outer_m : radii at the closed and at the open end [m]
+    length_m : of the hood [m]
+    place_m : middle of the closed end [m]
+    direction : from the closed to the open end
     """
     shell = wall([(inner_m, 0.0), (outer_m, length_m)], 0.012, 22)
     return join(shell, cylinder(inner_m + 0.006, -0.02, 0.012, 22)).facing(direction).move(*place_m)

@@ -90,8 +90,8 @@ def _hexagon(radius: float, low: float, high: float) -> Solid:
 
     Parameters
     ----------
-    radius : to the corners [m].
-    low, high : z of the ends [m].
+    radius : to the corners [m]
+    low, high : z of the ends [m]
     """
     corners = [(radius * math.cos(a * DEG), radius * math.sin(a * DEG)) for a in range(30, 390, 60)]
     return prism(corners, low, high)
@@ -260,8 +260,8 @@ def _tower(x: float, y: float, low: float, high: float) -> Solid:
 
     Parameters
     ----------
-    x, y : of the post [m].
-    low, high : z of its ends [m].
+    x, y : of the post [m]
+    low, high : z of its ends [m]
     """
     return join(
         box((0.11, 0.11, high - low), (x, y, 0.5 * (low + high))),

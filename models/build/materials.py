@@ -27,11 +27,11 @@ def _phong(
 
     Parameters
     ----------
-    what, source, confidence : texts of the entry.
-    lobe : k_d, k_s and n at 1064 nm.
-    rgb : colour on screen, 0 to 1.
-    at_1570_nm : k_d, k_s and n at 1570 nm; by default those at 1064 nm.
-    crinkled : `tilt_deg` and `cell_mm` of creased foil.
+    what, source, confidence : texts of the entry
+    lobe : k_d, k_s and n at 1064 nm
+    rgb : colour on screen, 0 to 1
+    at_1570_nm : k_d, k_s and n at 1570 nm; by default those at 1064 nm
+    crinkled : `tilt_deg` and `cell_mm` of creased foil
     """
     keys = ("diffuse", "specular", "exponent")
     return {
@@ -57,9 +57,9 @@ def _lambertian(
 
     Parameters
     ----------
-    what, source, confidence : texts of the entry.
-    reflectance : at 1064 nm and at 1570 nm.
-    rgb : colour on screen, 0 to 1.
+    what, source, confidence : texts of the entry
+    reflectance : at 1064 nm and at 1570 nm
+    rgb : colour on screen, 0 to 1
     """
     return {
         "type": "lambertian",

@@ -21,12 +21,12 @@ class Measurement(NamedTuple):
 
     Parameters
     ----------
-    material : name of the preset.
-    wavelength_nm : of the light [nm], or `SOLAR`.
-    reflectance : measured, total over all directions.
-    uncertainty : of reading and scale, about 1 sigma.
-    sample : what was measured.
-    source : where the figure stands.
+    material : name of the preset
+    wavelength_nm : of the light [nm], or `SOLAR`
+    reflectance : measured, total over all directions
+    uncertainty : of reading and scale, about 1 sigma
+    sample : what was measured
+    source : where the figure stands
     """
 
     material: str
@@ -69,8 +69,8 @@ def total_reflectance(table: Mapping[str, Any], wavelength_nm: float) -> float:
 
     Parameters
     ----------
-    table : entry of materials.toml.
-    wavelength_nm : of the light [nm]; `SOLAR` compares with 1064 nm.
+    table : entry of materials.toml
+    wavelength_nm : of the light [nm]; `SOLAR` compares with 1064 nm
     """
     lobes = table["at_1570_nm"] if wavelength_nm > 1290.0 else table
     return float(lobes["diffuse"] + lobes["specular"])
@@ -81,7 +81,7 @@ def describe_measurements(name: str, table: Mapping[str, Any]) -> str:
 
     Parameters
     ----------
-    name, table : of the entry in materials.toml.
+    name, table : of the entry in materials.toml
     """
     texts = []
     for one in MEASUREMENTS:

@@ -33,8 +33,8 @@ def prism(outline_m: Iterable[Point], bottom_m: float, top_m: float) -> Solid:
 
     Parameters
     ----------
-    outline_m : points (x, y), counter-clockwise seen from +z.
-    bottom_m, top_m : z of the ends.
+    outline_m : points (x, y), counter-clockwise seen from +z
+    bottom_m, top_m : z of the ends
     """
     outline = np.asarray(list(outline_m), dtype=float)
     n = len(outline)
@@ -84,9 +84,9 @@ def cylinder(radius_m: float, bottom_m: float, top_m: float, sides: int = 32) ->
 
     Parameters
     ----------
-    radius_m : of the cylinder.
-    bottom_m, top_m : z of the ends.
-    sides : facets around.
+    radius_m : of the cylinder
+    bottom_m, top_m : z of the ends
+    sides : facets around
     """
     return frustum(radius_m, radius_m, bottom_m, top_m, sides)
 
@@ -96,9 +96,9 @@ def frustum(bottom_radius_m: float, top_radius_m: float, bottom_m: float, top_m:
 
     Parameters
     ----------
-    bottom_radius_m, top_radius_m : radii of the ends.
-    bottom_m, top_m : z of the ends.
-    sides : facets around.
+    bottom_radius_m, top_radius_m : radii of the ends
+    bottom_m, top_m : z of the ends
+    sides : facets around
     """
     profile = [(0.0, bottom_m), (bottom_radius_m, bottom_m), (top_radius_m, top_m), (0.0, top_m)]
     return revolve([point for k, point in enumerate(profile) if k in (0, 3) or point[0] > _AXIS_M], sides)
@@ -109,9 +109,9 @@ def ring(inner_m: float, outer_m: float, bottom_m: float, top_m: float, sides: i
 
     Parameters
     ----------
-    inner_m, outer_m : radii.
-    bottom_m, top_m : z of the ends.
-    sides : facets around.
+    inner_m, outer_m : radii
+    bottom_m, top_m : z of the ends
+    sides : facets around
     """
     return revolve([(inner_m, bottom_m), (outer_m, bottom_m), (outer_m, top_m), (inner_m, top_m)], sides)
 
@@ -121,9 +121,9 @@ def torus(radius_m: float, wire_radius_m: float, sides: int = 48, around: int = 
 
     Parameters
     ----------
-    radius_m : of the ring.
-    wire_radius_m : of its section.
-    sides, around : facets along the ring and around its section.
+    radius_m : of the ring
+    wire_radius_m : of its section
+    sides, around : facets along the ring and around its section
     """
     turn = [2.0 * math.pi * k / around for k in range(around)]
     return revolve([(radius_m + wire_radius_m * math.cos(a), wire_radius_m * math.sin(a)) for a in turn], sides)
@@ -134,9 +134,9 @@ def wall(inner_profile_m: Sequence[Point], thickness_m: float, sides: int = 48) 
 
     Parameters
     ----------
-    inner_profile_m : points (radius, z) of the inner side.
-    thickness_m : added away from the axis.
-    sides : facets around.
+    inner_profile_m : points (radius, z) of the inner side
+    thickness_m : added away from the axis
+    sides : facets around
     """
     outer = [(radius + thickness_m, z) for radius, z in reversed(inner_profile_m)]
     return revolve([*inner_profile_m, *outer], sides)
@@ -147,8 +147,8 @@ def dish(diameter_m: float, focal_length_m: float, thickness_m: float, rings: in
 
     Parameters
     ----------
-    diameter_m, focal_length_m, thickness_m : of the reflector.
-    rings, sides : facets along the radius and around.
+    diameter_m, focal_length_m, thickness_m : of the reflector
+    rings, sides : facets along the radius and around
     """
     radii = [0.5 * diameter_m * k / rings for k in range(rings + 1)]
     front = [(radius, radius**2 / (4.0 * focal_length_m)) for radius in radii]
@@ -160,9 +160,9 @@ def dome(radius_m: float, height_m: float, rings: int = 10, sides: int = 48) -> 
 
     Parameters
     ----------
-    radius_m : at z = 0.
-    height_m : of the top.
-    rings, sides : facets along the height and around.
+    radius_m : at z = 0
+    height_m : of the top
+    rings, sides : facets along the height and around
     """
     turn = [0.5 * math.pi * k / rings for k in range(rings)]
     curve = [(radius_m * math.cos(a), height_m * math.sin(a)) for a in turn]
@@ -174,8 +174,8 @@ def ball(radius_m: float, center_m: Point = (0.0, 0.0, 0.0), splits: int = 2) ->
 
     Parameters
     ----------
-    radius_m, center_m : of the sphere [m].
-    splits : number of divisions.
+    radius_m, center_m : of the sphere [m]
+    splits : number of divisions
     """
     golden = 0.5 * (1.0 + math.sqrt(5.0))
     corners = [(a, b * golden, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
@@ -205,9 +205,9 @@ def tube(start_m: Point, end_m: Point, radius_m: float, sides: int = 8) -> Solid
 
     Parameters
     ----------
-    start_m, end_m : ends of its axis.
-    radius_m : of the bar.
-    sides : facets around.
+    start_m, end_m : ends of its axis
+    radius_m : of the bar
+    sides : facets around
     """
     return pipe([start_m, end_m], radius_m, sides)
 
@@ -217,9 +217,9 @@ def lattice(x_m: Sequence[float], y_m: Sequence[float], opened: Iterable[tuple[i
 
     Parameters
     ----------
-    x_m, y_m : ascending lines that divide the plate into cells [m].
-    opened : cells (column, row) that are windows; solid cells must not meet at a corner only.
-    thickness_m : of the plate [m].
+    x_m, y_m : ascending lines that divide the plate into cells [m]
+    opened : cells (column, row) that are windows; solid cells must not meet at a corner only
+    thickness_m : of the plate [m]
     """
     columns, rows = len(x_m) - 1, len(y_m) - 1
     windows = set(opened)
@@ -247,10 +247,10 @@ def tiles(size_m: Point, count: tuple[int, int], gap_m: float, center_m: Point =
 
     Parameters
     ----------
-    size_m : of the whole field.
-    count : boxes along x and along y.
-    gap_m : between boxes.
-    center_m : of the field.
+    size_m : of the whole field
+    count : boxes along x and along y
+    gap_m : between boxes
+    center_m : of the field
     """
     nx, ny = count
     step_x, step_y = (size_m[0] + gap_m) / nx, (size_m[1] + gap_m) / ny

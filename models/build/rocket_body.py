@@ -89,9 +89,9 @@ def _ribbed_skirt(low: float, high: float, rings: int, stringers: int) -> Solid:
 
     Parameters
     ----------
-    low, high : z of its ends [m].
-    rings : number of frames.
-    stringers : number of stringers.
+    low, high : z of its ends [m]
+    rings : number of frames
+    stringers : number of stringers
     """
     shell = wall([(RADIUS_M - 0.004, low), (RADIUS_M - 0.004, high)], 0.012, 72)
     frames = [torus(RADIUS_M + 0.012, 0.014, 72, 4).move(z=low + k * (high - low) / (rings - 1)) for k in range(rings)]

@@ -18,9 +18,9 @@ def _barrel(radius: float, length: float, way: Point, place: Point) -> Solid:
 
     Parameters
     ----------
-    radius, length : of the tube [m].
-    way : direction in which it opens.
-    place : middle of its back [m].
+    radius, length : of the tube [m]
+    way : direction in which it opens
+    place : middle of its back [m]
     """
     tubular = join(
         wall([(radius - 0.012, 0.0), (radius - 0.012, length)], 0.012, 28), cylinder(radius - 0.006, -0.05, 0.04, 28)

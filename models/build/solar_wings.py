@@ -17,10 +17,10 @@ def wing_hinges(
 
     Parameters
     ----------
-    places_m : position of each hinge, by side.
-    axis : of rotation.
-    normal : of the cells at angle zero.
-    parts : names of the parts that turn.
+    places_m : position of each hinge, by side
+    axis : of rotation
+    normal : of the cells at angle zero
+    parts : names of the parts that turn
     """
     return tuple(
         Hinge(

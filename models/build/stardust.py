@@ -140,9 +140,9 @@ def _octagon(half_width: float, low: float, high: float, cut: float) -> list[Poi
 
     Parameters
     ----------
-    half_width : half of its extent along y [m].
-    low, high : z of its lower and upper side [m].
-    cut : length cut from each side at a corner [m].
+    half_width : half of its extent along y [m]
+    low, high : z of its lower and upper side [m]
+    cut : length cut from each side at a corner [m]
     """
     return [
         (half_width, low + cut),
@@ -161,8 +161,8 @@ def _upright(outline: list[Point], back: float, front: float) -> Solid:
 
     Parameters
     ----------
-    outline : points (y, z) [m].
-    back, front : x of its faces [m].
+    outline : points (y, z) [m]
+    back, front : x of its faces [m]
     """
     return skin([[(x, y, z) for y, z in outline] for x in (back, front)])
 

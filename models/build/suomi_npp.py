@@ -107,8 +107,8 @@ def _upright(outline: list[tuple[float, float]], left_m: float, right_m: float) 
 
     Parameters
     ----------
-    outline : points (x, z) [m], counter-clockwise with x to the right.
-    left_m, right_m : y of the faces [m].
+    outline : points (x, z) [m], counter-clockwise with x to the right
+    left_m, right_m : y of the faces [m]
     """
     return prism(outline, -right_m, -left_m).turn("x", 90)
 
@@ -238,8 +238,8 @@ def _dish_at(x: float, y: float, z: float, radius_m: float) -> Solid:
 
     Parameters
     ----------
-    x, y, z : of its vertex, from the origin of the Earth face [m].
-    radius_m : of the dish [m].
+    x, y, z : of its vertex, from the origin of the Earth face [m]
+    radius_m : of the dish [m]
     """
     focal_length = 1.6 * radius_m
     reflector = dish(2 * radius_m, focal_length, 0.008, 6, 32)
@@ -256,7 +256,7 @@ def _patch_at(x: float, y: float, z: float) -> Solid:
 
     Parameters
     ----------
-    x, y, z : of the middle of the plate [m].
+    x, y, z : of the middle of the plate [m]
     """
     plate = cylinder(0.15, -0.01, 0.01, 28)
     cups = [ball(0.034, (0.085, 0.0, 0.02), 1).turn("z", angle) for angle in (0, 120, 240)]

@@ -160,10 +160,10 @@ def _radial_tube(
 
     Parameters
     ----------
-    inner_m, low_m : radius and z of one end [m].
-    outer_m, high_m : radius and z of the other end [m].
-    angle_deg : azimuth of the plane [deg].
-    radius_m : of the bar [m].
+    inner_m, low_m : radius and z of one end [m]
+    outer_m, high_m : radius and z of the other end [m]
+    angle_deg : azimuth of the plane [deg]
+    radius_m : of the bar [m]
     """
     return tube((inner_m, 0.0, low_m), (outer_m, 0.0, high_m), radius_m, 6).turn("z", angle_deg)
 
@@ -214,8 +214,8 @@ def _at(radius: float, z: float, angle_deg: float) -> tuple[float, float, float]
 
     Parameters
     ----------
-    radius, z : [m].
-    angle_deg : azimuth [deg].
+    radius, z : [m]
+    angle_deg : azimuth [deg]
     """
     return radius * math.cos(angle_deg * DEG), radius * math.sin(angle_deg * DEG), z
 

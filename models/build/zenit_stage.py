@@ -70,8 +70,8 @@ def _round(azimuth_deg: float, radius_m: float, z: float) -> tuple[float, float,
 
     Parameters
     ----------
-    azimuth_deg : [deg].
-    radius_m, z : [m].
+    azimuth_deg : [deg]
+    radius_m, z : [m]
     """
     return radius_m * math.cos(azimuth_deg * DEG), radius_m * math.sin(azimuth_deg * DEG), z
 
@@ -165,8 +165,8 @@ def _bell(station: float, throat_m: float, exit_m: float) -> float:
 
     Parameters
     ----------
-    station : 0 at the throat to 1 at the exit.
-    throat_m, exit_m : radii [m].
+    station : 0 at the throat to 1 at the exit
+    throat_m, exit_m : radii [m]
     """
     return throat_m + (exit_m - throat_m) * (1.7 * station - 0.7 * station**2)
 

@@ -54,7 +54,7 @@ def catalog(
 ) -> None:
     """List the objects of a catalogue, or write a selection of them. Bad records are listed too."""
     if (near is None) != (max_age_days is None):
-        raise ScenarioError("--near and --max-age-days go together: give the time, and how far from it")
+        raise ScenarioError("--near and --max-age-days go together; give the time, and how far from it")
     if max_age_days is not None and not 0.0 <= max_age_days < math.inf:
         raise ScenarioError(f"--max-age-days {max_age_days:g}: is not an age; give 0 or more days")
     if regime is not None and regime not in Catalog.REGIMES:
@@ -92,7 +92,7 @@ def catalog(
     for problem in shown:
         echo(to_one_line(f"bad: {problem}"))
     if len(shown) < len(whole.problems):
-        echo(f"and {len(whole.problems) - len(shown):,} more bad records: give --problems for all")
+        echo(f"and {len(whole.problems) - len(shown):,} more bad records; give --problems for all")
     if output is not None:
         echo(f"{output}")
 

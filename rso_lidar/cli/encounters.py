@@ -163,7 +163,7 @@ def encounters(
             raise ScenarioError(f"-o {output}: --{'csv' if suffix == '.csv' else 'plot'} names another; leave one out")
     scheme = choose_scheme(dark, [plot])
     if (scenario is None) != (output is None):
-        raise ScenarioError("--scenario and -o go together: give the row's number and the file to write")
+        raise ScenarioError("--scenario and -o go together; give the row's number and the file to write")
     if sort not in _ORDERS:
         raise ScenarioError(f"--sort {sort}: unknown order{did_you_mean(sort, _ORDERS)} (known: {', '.join(_ORDERS)})")
     within_m, start_utc = parse_length_m("--within", within), parse_instant("--start", start)

@@ -105,7 +105,7 @@ def _check_word(option: str, value: str | None, words: object) -> str | None:
 
     Parameters
     ----------
-    words : the `Literal` of allowed values.
+    words : the `Literal` of allowed values
     """
     known = get_args(words)
     if value is not None and value not in known:

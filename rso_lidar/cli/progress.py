@@ -60,7 +60,7 @@ def announce_compiling() -> AbstractContextManager[None]:
         if count == 1:
             echo("compiling    once for each installation: some 15 s", err=True)
         elif time.monotonic() >= last_s + _LOG_EVERY_S:
-            echo(f"compiling    inner loop {count} of at most {most}", err=True)
+            echo(f"compiling    inner loop {count} of some {most}", err=True)
         else:
             return
         last_s = time.monotonic()

@@ -16,7 +16,7 @@ from rso_lidar.cli.arguments import (
     name_options,
 )
 from rso_lidar.cli.terminal import echo
-from rso_lidar.mission_analysis import save_truth
+from rso_lidar.mission_analysis import check_truth_output, save_truth
 from rso_lidar.scenario import Scenario
 
 
@@ -60,8 +60,10 @@ def truth(
     It holds the poses of all bodies and where the PTU points.
     """
     scheme = choose_scheme(dark, [output])
+    with name_options("figure"):
+        check_truth_output(output, figure=figure, overwrite=overwrite)
     scenario = Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
-    with name_options("figure", "body", "every"):
+    with name_options("body", "every"):
         place = save_truth(
             scenario, output, figure=figure, body=body, every_s=every_s, scheme=scheme, overwrite=overwrite
         )

@@ -77,10 +77,10 @@ def detect(
 
     Parameters
     ----------
-    photons : light on every pixel.
-    detector : a part, or an object with the same method.
-    rng : generator of all noise.
-    threads : number of threads (None: one for each core). The result is the same to the bit.
+    photons : light on every pixel
+    detector : a part, or an object with the same method
+    rng : generator of all noise
+    threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
     -------
@@ -98,10 +98,10 @@ def detect_with_taps(
 
     Parameters
     ----------
-    photons : light on every pixel.
-    detector : a part, or an object that may have a method of this name.
-    rng : generator of all noise.
-    threads : number of threads (None: one for each core). The result is the same to the bit.
+    photons : light on every pixel
+    detector : a part, or an object that may have a method of this name
+    rng : generator of all noise
+    threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
     -------
@@ -115,7 +115,7 @@ def check_noise(detector: AnyDetector) -> None:
 
     Parameters
     ----------
-    detector : the detector; `ScenarioError` where its threshold is too low.
+    detector : the detector; `ScenarioError` where its threshold is too low
     """
     build_detector(detector).check_noise()
 
@@ -125,9 +125,9 @@ def check_size(detector: AnyDetector, pulse_fwhm_s: float, n_pixels: int) -> Non
 
     Parameters
     ----------
-    detector : the detector; `ScenarioError` where its axis of time is too long.
-    pulse_fwhm_s : length of the laser's pulse [s].
-    n_pixels : pixels of the array.
+    detector : the detector; `ScenarioError` where its axis of time is too long
+    pulse_fwhm_s : length of the laser's pulse [s]
+    n_pixels : pixels of the array
     """
     build_detector(detector).check_size(pulse_fwhm_s, n_pixels)
 
@@ -137,8 +137,8 @@ def describe(detector: AnyDetector, n_pixels: int) -> list[str]:
 
     Parameters
     ----------
-    detector : the detector.
-    n_pixels : number of pixels of the array.
+    detector : the detector
+    n_pixels : number of pixels of the array
     """
     return build_detector(detector).describe(n_pixels)
 
@@ -148,8 +148,8 @@ def advise(detector: AnyDetector, pulse_fwhm_s: float) -> list[str]:
 
     Parameters
     ----------
-    detector : the detector.
-    pulse_fwhm_s : length of the laser's pulse [s].
+    detector : the detector
+    pulse_fwhm_s : length of the laser's pulse [s]
     """
     return build_detector(detector).advise(pulse_fwhm_s)
 
@@ -159,7 +159,7 @@ def describe_storage(detector: AnyDetector) -> list[str]:
 
     Parameters
     ----------
-    detector : the detector.
+    detector : the detector
     """
     return build_detector(detector).describe_storage()
 
@@ -169,7 +169,7 @@ def describe_window(detector: AnyDetector) -> str:
 
     Parameters
     ----------
-    detector : the detector.
+    detector : the detector
     """
     return build_detector(detector).describe_window()
 
@@ -179,7 +179,7 @@ def list_neglected_effects(detector: AnyDetector) -> list[str]:
 
     Parameters
     ----------
-    detector : the detector.
+    detector : the detector
     """
     return build_detector(detector).list_neglected_effects()
 
@@ -189,8 +189,8 @@ def false_alarm_probability(detector: AnyDetector, range_m: np.ndarray) -> np.nd
 
     Parameters
     ----------
-    detector : the detector.
-    range_m : (range) [m].
+    detector : the detector
+    range_m : (range) [m]
     """
     return build_detector(detector).false_alarm_probability(range_m)
 
@@ -200,8 +200,8 @@ def detection_probability(detector: AnyDetector, photons: np.ndarray) -> np.ndar
 
     Parameters
     ----------
-    detector : the detector.
-    photons : (return) expected photons.
+    detector : the detector
+    photons : (return) expected photons
     """
     return build_detector(detector).detection_probability(photons)
 
@@ -218,10 +218,10 @@ def predict_closed_form(
 
     Parameters
     ----------
-    detector : the detector.
-    pulse : the laser's pulse.
-    photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s].
-    only_probability : whether the other members of the prediction are not needed.
+    detector : the detector
+    pulse : the laser's pulse
+    photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s]
+    only_probability : whether the other members of the prediction are not needed
     """
     photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
     return build_detector(detector).predict_closed_form(pulse, photons, depth_s, only_probability)
@@ -232,9 +232,9 @@ def report_probability(detector: AnyDetector, photons: Photons, mine: np.ndarray
 
     Parameters
     ----------
-    detector : the detector.
-    photons : light on every pixel.
-    mine : (return) whether a report of this return counts.
+    detector : the detector
+    photons : light on every pixel
+    mine : (return) whether a report of this return counts
     """
     return build_detector(detector).report_probability(photons, mine)
 
@@ -244,8 +244,8 @@ def noise_growth(detector: AnyDetector, background_photons_per_s: float) -> floa
 
     Parameters
     ----------
-    detector : the detector.
-    background_photons_per_s : sunlight on a pixel [photons/s].
+    detector : the detector
+    background_photons_per_s : sunlight on a pixel [photons/s]
     """
     return build_detector(detector).noise_growth(background_photons_per_s)
 
@@ -255,8 +255,8 @@ def isolate(detector: AnyDetector, gain: float = 1.0) -> AnyDetector:
 
     Parameters
     ----------
-    detector : the detector.
-    gain : gain of its APDs over their gain at rest.
+    detector : the detector
+    gain : gain of its APDs over their gain at rest
     """
     apart: AnyDetector = build_detector(detector).isolate(gain)
     return apart
@@ -267,8 +267,8 @@ def array_load(detector: AnyDetector, photons: Photons) -> ArrayLoad:
 
     Parameters
     ----------
-    detector : the detector.
-    photons : light on every pixel.
+    detector : the detector
+    photons : light on every pixel
     """
     return build_detector(detector).array_load(photons)
 
@@ -278,9 +278,9 @@ def draw_crosstalk_m(detector: AnyDetector, together_fraction: np.ndarray, rng: 
 
     Parameters
     ----------
-    detector : the detector.
-    together_fraction : (pixel) share of the array that latches with each.
-    rng : generator of the errors.
+    detector : the detector
+    together_fraction : (pixel) share of the array that latches with each
+    rng : generator of the errors
     """
     return build_detector(detector).draw_crosstalk_m(together_fraction, rng)
 
@@ -290,6 +290,6 @@ def frame_jitter_s(detector: AnyDetector) -> float:
 
     Parameters
     ----------
-    detector : the detector.
+    detector : the detector
     """
     return build_detector(detector).frame_jitter_s()

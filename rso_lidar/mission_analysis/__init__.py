@@ -90,6 +90,7 @@ if TYPE_CHECKING:
         truth,
     )
     from rso_lidar.mission_analysis.time_history.truth_files import (
+        check_truth_output,
         draw_trajectory,
         save_truth,
     )
@@ -113,6 +114,7 @@ __all__ = [
     "ViewedPlate",
     "assess_conjunction",
     "budget",
+    "check_truth_output",
     "choose_globe_samples",
     "conjunction_scenario_text",
     "declare_attribute",

@@ -63,7 +63,7 @@ def truth(
     local : whether the world is local, without an Earth
     sun_direction : direction to the Sun of a local world, of any length, in root axes; None for none
     flights : of commanded state-space models, by the names in `Command.inputs`; None for none
-    rates : whether the rates of the axes are needed. If False, only poses and states are valid, which is faster.
+    rates : whether the rates of the axes are needed. If False, only poses and states are valid, which is faster
 
     Returns
     -------
@@ -121,8 +121,8 @@ class _Evaluation:
 
         Parameters
         ----------
-        bodies, names, epochs : the bodies, the names of the axes, and the instants.
-        rates : whether the rates of the axes are needed.
+        bodies, names, epochs : the bodies, the names of the axes, and the instants
+        rates : whether the rates of the axes are needed
         """
         wanted, sun = frozenset(names), SunVectors(epochs, self.local, self.sun.given)
         order = tuple(name for name in self.order if name in wanted)
@@ -232,8 +232,8 @@ class _Evaluation:
 
         Parameters
         ----------
-        tree, body, chief : the tree with the axes of the chief, the body, and the name of its chief.
-        place : position and velocity in the chief's rtn axes.
+        tree, body, chief : the tree with the axes of the chief, the body, and the name of its chief
+        place : position and velocity in the chief's rtn axes
         """
         there, turning, (rho, rho_rate, rates) = tree.link(ROOT, self.by_name[chief].origin), self.turning[chief], place
         moved_m_s = rho_rate if rates is None else rates[0]
@@ -339,9 +339,9 @@ class Chief:
 
     Parameters
     ----------
-    bodies, name : all bodies, and the name of the chief.
-    local, flights : as for `truth`.
-    known : epochs at which the states are known already, and these states.
+    bodies, name : all bodies, and the name of the chief
+    local, flights : as for `truth`
+    known : epochs at which the states are known already, and these states
     """
 
     def __init__(

@@ -72,7 +72,7 @@ class Course:
         Parameters
         ----------
         row : number of the flash
-        command : given at the present instant, which is that of the previous call. Its inputs hold from there on.
+        command : given at the present instant, which is that of the previous call. Its inputs hold from there on
 
         Returns
         -------

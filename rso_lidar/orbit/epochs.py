@@ -183,7 +183,7 @@ class Epochs:
         Parameters
         ----------
         leap_seconds_at : instant whose leap seconds are used throughout. SGP4 subtracts dates, so an element set from
-            before a leap second would otherwise be propagated one second too far, some 7 km.
+            before a leap second would otherwise be propagated one second too far, some 7 km
 
         Returns
         -------

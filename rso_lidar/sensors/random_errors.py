@@ -50,7 +50,7 @@ def make_model(white: np.ndarray, processes: list[ErrorProcess], outage: tuple[f
     Parameters
     ----------
     white : (channel) standard deviation of the white noise of a sample
-    processes : in any order. Channel -1 marks a constant that the sensor applies itself; those are kept, in their order.
+    processes : in any order. Channel -1 marks a constant that the sensor applies itself; those are kept, in their order
     outage : probabilities as in `ErrorModel`
 
     Returns

@@ -153,7 +153,7 @@ class SensorPart(Part):
         key : (2) uint32, of the sensor (`make_key`)
         first_sample : number of the first sample
         time_s : (sample) instants of the samples [s]
-        state : after an earlier sample; None before all. Samples between are skipped over.
+        state : after an earlier sample; None before all. Samples between are skipped over
 
         Returns
         -------

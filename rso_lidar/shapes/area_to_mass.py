@@ -28,8 +28,8 @@ def draw_area_to_mass(length_m: float, numbers: UniformNumbers) -> float:
 
     Parameters
     ----------
-    length_m : characteristic length of the fragment [m].
-    numbers : random numbers of the fragment.
+    length_m : characteristic length of the fragment [m]
+    numbers : random numbers of the fragment
     """
     x = float(_DIGITS.log10(_DIGITS.create_decimal(length_m)))
     is_large = numbers.random() < (length_m - _SMALL_M) / (_LARGE_M - _SMALL_M)
@@ -49,6 +49,6 @@ def _ramp(x: float, start: float, end: float, before: float, after: float) -> fl
 
     Parameters
     ----------
-    x : logarithm of the characteristic length in metres.
+    x : logarithm of the characteristic length in metres
     """
     return before + (after - before) * min(1.0, max(0.0, (x - start) / (end - start)))

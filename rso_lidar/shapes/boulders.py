@@ -28,9 +28,9 @@ def rock_diameters(
 
     Parameters
     ----------
-    area_m2 : of the ground [m2].
-    smallest_m, largest_m : limits of the diameters [m].
-    covered : share of the area under rocks of all sizes.
+    area_m2 : of the ground [m2]
+    smallest_m, largest_m : limits of the diameters [m]
+    covered : share of the area under rocks of all sizes
     """
     if covered <= 0.0:
         return np.empty(0)

@@ -48,7 +48,7 @@ class _Numbers:
 
         Parameters
         ----------
-        stream : number of the stream.
+        stream : number of the stream
         """
         self._key = packed(np.random.SeedSequence(seed).generate_state(2, np.uint32))
         self._kind, self._stream, self._call = _KINDS.index(kind), stream, 0
@@ -80,10 +80,10 @@ def breakup_fragment(kind: FragmentKind, seed: int, characteristic_length_m: flo
 
     Parameters
     ----------
-    kind : category of its shape.
-    seed : random seed, 0 or more.
+    kind : category of its shape
+    seed : random seed, 0 or more
     characteristic_length_m : mean of its three orthogonal extents [m]: the longest, the longest across it, and the extent
-        across both.
+        across both
 
     Returns
     -------
@@ -199,7 +199,7 @@ def _make_rod(numbers: _Numbers, aspect: float) -> Solid:
 
     Parameters
     ----------
-    numbers : random numbers of the fragment.
+    numbers : random numbers of the fragment
     """
     sides, stations = 12, 28
     sine, cosine = sine_cosine(np.arange(sides) * (2.0 * math.pi / sides))
@@ -305,7 +305,7 @@ def _fit(solid: Solid, length_m: float) -> Solid:
 
     Parameters
     ----------
-    length_m : characteristic length [m].
+    length_m : characteristic length [m]
     """
     axes, measured_m = _measure(solid.vertices)
     vertices = np.column_stack([dot(solid.vertices, axis) for axis in axes]) * (length_m / measured_m)

@@ -23,9 +23,9 @@ def crater_diameters(
 
     Parameters
     ----------
-    area_m2 : of the ground [m2].
-    smallest_m, largest_m : limits of the diameters [m].
-    fraction : share of the density in equilibrium.
+    area_m2 : of the ground [m2]
+    smallest_m, largest_m : limits of the diameters [m]
+    fraction : share of the density in equilibrium
     """
     per_m2 = fraction * EQUILIBRIUM * (smallest_m**-2 - largest_m**-2)
     number = rng.poisson(per_m2 * area_m2)
@@ -64,9 +64,9 @@ def add_craters(
 
     Parameters
     ----------
-    x_m, y_m : evenly spaced coordinates of the columns and of the rows [m].
-    smallest_m, largest_m : limits of the diameters [m].
-    fraction : share of the density in equilibrium.
+    x_m, y_m : evenly spaced coordinates of the columns and of the rows [m]
+    smallest_m, largest_m : limits of the diameters [m]
+    fraction : share of the density in equilibrium
     """
     heights = np.zeros((len(y_m), len(x_m)))
     margin = 0.5 * _REACH * largest_m

@@ -29,8 +29,8 @@ class CraftPart:
 
         Parameters
         ----------
-        axis : "x", "y" or "z".
-        angle_deg : right-handed angle [deg].
+        axis : "x", "y" or "z"
+        angle_deg : right-handed angle [deg]
         """
         return replace(self, solid=self.solid.turn(axis, angle_deg))
 

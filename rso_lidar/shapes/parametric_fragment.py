@@ -39,11 +39,11 @@ def fragment(seed: int, longest_m: float, kind: Kind = "plate", name: str | None
 
     Parameters
     ----------
-    seed : random seed, 0 or more.
-    longest_m : length of the longest side [m].
+    seed : random seed, 0 or more
+    longest_m : length of the longest side [m]
     kind : "plate" (torn and bent, with stiffeners), "shard" (a sliver), "panel" (honeycomb with its remaining solar
-        cells) or "foil" (a crumpled sheet).
-    name : of the model; by default ``fragment_<kind>_<seed>``.
+        cells) or "foil" (a crumpled sheet)
+    name : of the model; by default ``fragment_<kind>_<seed>``
 
     Returns
     -------

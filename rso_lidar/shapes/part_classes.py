@@ -72,6 +72,6 @@ def classify_parts(parts: Iterable[str]) -> dict[str, PartClass]:
     classes = {}
     for part in parts:
         if part not in _CLASSES:
-            raise ScenarioError(f"part '{part}': has no common part class: add it to rso_lidar/shapes/part_classes.py")
+            raise ScenarioError(f"part '{part}': has no common part class; add it to rso_lidar/shapes/part_classes.py")
         classes[part] = _CLASSES[part]
     return classes

@@ -27,7 +27,7 @@ class Solid(NamedTuple):
 
         Parameters
         ----------
-        x, y, z : displacement [m].
+        x, y, z : displacement [m]
         """
         return Solid(self.vertices + np.array([x, y, z], dtype=float), self.facets)
 
@@ -36,8 +36,8 @@ class Solid(NamedTuple):
 
         Parameters
         ----------
-        axis : "x", "y" or "z".
-        angle_deg : right-handed angle [deg].
+        axis : "x", "y" or "z"
+        angle_deg : right-handed angle [deg]
         """
         i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
         cos, sin = math.cos(angle_deg * DEG), math.sin(angle_deg * DEG)
@@ -51,7 +51,7 @@ class Solid(NamedTuple):
 
         Parameters
         ----------
-        direction : (x, y, z) of any length.
+        direction : (x, y, z) of any length
         """
         z = np.asarray(direction, dtype=float)
         z = z / np.linalg.norm(z)
@@ -65,7 +65,7 @@ class Solid(NamedTuple):
 
         Parameters
         ----------
-        axis : "x", "y" or "z", the normal of the plane.
+        axis : "x", "y" or "z", the normal of the plane
         """
         sign = np.array([-1.0 if name == axis else 1.0 for name in "xyz"])
         return Solid(self.vertices * sign, self.facets[:, ::-1])
@@ -104,9 +104,9 @@ def pipe(points_m: Iterable[Point], radius_m: float, sides: int = 8) -> Solid:
 
     Parameters
     ----------
-    points_m : of the polyline.
-    radius_m : of the section.
-    sides : facets around; few make a polygon.
+    points_m : of the polyline
+    radius_m : of the section
+    sides : facets around; few make a polygon
     """
     points = np.asarray(list(points_m), dtype=float)
     steps = np.diff(points, axis=0)
@@ -133,7 +133,7 @@ def skin(outlines_m: Sequence[Sequence[Point] | np.ndarray]) -> Solid:
     Parameters
     ----------
     outlines_m : (outline, corner, 3) points [m], with equal numbers of corners, corresponding corners in the same
-        place. Either sense of the outlines is allowed: facets are turned outward.
+        place. Either sense of the outlines is allowed: facets are turned outward
     """
     outlines = np.asarray(outlines_m, dtype=float)
     number, corners = outlines.shape[:2]

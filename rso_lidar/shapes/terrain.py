@@ -40,11 +40,11 @@ def build_ground(seed: int, size_m: float, cell_m: float, craters: Abundance, ro
 
     Parameters
     ----------
-    seed : random seed; a seed always gives the same ground.
-    size_m : side of the square [m].
-    cell_m : spacing of the heights [m].
-    craters : sizes of the craters, and share of their equilibrium density.
-    rocks : sizes of the boulders, and share of the area that they cover.
+    seed : random seed; a seed always gives the same ground
+    size_m : side of the square [m]
+    cell_m : spacing of the heights [m]
+    craters : sizes of the craters, and share of their equilibrium density
+    rocks : sizes of the boulders, and share of the area that they cover
 
     Returns
     -------
@@ -69,7 +69,7 @@ def _boulders(heights: np.ndarray, cell_m: float, rocks: Abundance, rng: np.rand
 
     Parameters
     ----------
-    heights, cell_m : (row, col) heights [m], and their spacing [m].
+    heights, cell_m : (row, col) heights [m], and their spacing [m]
     """
     side = (len(heights) - 1) * cell_m
     diameters = rock_diameters(side**2, rocks.smallest_m, rocks.largest_m, rocks.fraction, rng)
@@ -92,9 +92,9 @@ def height_at(heights_m: np.ndarray, cell_m: float, x_m: np.ndarray, y_m: np.nda
 
     Parameters
     ----------
-    heights_m : (row, col) heights [m], row 0 in the north.
-    cell_m : spacing of the grid [m].
-    x_m, y_m : points, east and north of the origin [m]; those outside take the height of the edge.
+    heights_m : (row, col) heights [m], row 0 in the north
+    cell_m : spacing of the grid [m]
+    x_m, y_m : points, east and north of the origin [m]; those outside take the height of the edge
 
     Returns
     -------

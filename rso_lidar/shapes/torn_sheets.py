@@ -49,9 +49,9 @@ def draw_outline(numbers: UniformNumbers, corners: int, ragged: float, squeeze: 
 
     Parameters
     ----------
-    numbers : random numbers of the fragment.
-    corners : number of the long waves.
-    ragged : height of the teeth, share of the radius.
+    numbers : random numbers of the fragment
+    corners : number of the long waves
+    ragged : height of the teeth, share of the radius
 
     Returns
     -------
@@ -77,8 +77,8 @@ def build_sheet(outline: np.ndarray, thickness: float, rings: int) -> Solid:
 
     Parameters
     ----------
-    outline : (n, 2) points.
-    thickness : in the unit of the outline.
+    outline : (n, 2) points
+    thickness : in the unit of the outline
     """
     n = len(outline)
     share = np.arange(1, rings + 1) / rings
@@ -107,11 +107,11 @@ def bend_solids(
 
     Parameters
     ----------
-    numbers : random numbers of the fragment.
-    solids : sheets or rods about the plane z = 0, bent alike.
-    curl : rolling angle per unit length [rad].
-    folds : number of creases.
-    along_x : whether solids are rolled along x, as rods are, and not along a random direction.
+    numbers : random numbers of the fragment
+    solids : sheets or rods about the plane z = 0, bent alike
+    curl : rolling angle per unit length [rad]
+    folds : number of creases
+    along_x : whether solids are rolled along x, as rods are, and not along a random direction
     """
     heights = [np.zeros(len(solid.vertices)) for solid in solids]
     for _ in range(folds):

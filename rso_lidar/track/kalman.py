@@ -99,7 +99,7 @@ def filter_positions(
         [m/s²/√Hz]; velocity then wanders by its product with √t
     speed_m_s : initial standard deviation of the velocity, each axis [m/s]
     kicks : changes of the velocity (xyz) [m/s] that are known, with their instants [s], ascending: the observer's own
-        burns, with the sign of their effect on the relative velocity. A burn at an instant is included in its velocity.
+        burns, with the sign of their effect on the relative velocity. A burn at an instant is included in its velocity
 
     Returns
     -------

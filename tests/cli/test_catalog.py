@@ -64,7 +64,7 @@ def test_objects_summary_and_the_first_bad_records(call, file):
     assert out[4] == "some.tle: 5 good element sets, 3 objects; 1 duplicate, 12 bad records"
     assert out[5].startswith(f"bad: {file}: line 21: wrong checksum")
     assert len(out) == 16
-    assert out[-1] == "and 2 more bad records: give --problems for all"
+    assert out[-1] == "and 2 more bad records; give --problems for all"
 
 
 def test_all_bad_records(call, file):

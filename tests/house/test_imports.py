@@ -88,7 +88,8 @@ def test_modules_leave_heavy_libraries_for_later(each):
     assert not {module: libraries for module, libraries in early.items() if libraries}
 
 
-def test_the_package_imports_without_heavy_libraries():
-    code = f"import rso_lidar, sys; print([name for name in {HEAVY} if name in sys.modules])"
+def test_what_the_package_exports_imports_without_heavy_libraries():
+    code = "import rso_lidar as rl, sys; [getattr(rl, name) for name in rl.__all__]\n"
+    code += f"print([name for name in {HEAVY} if name in sys.modules])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"

@@ -35,8 +35,8 @@ def loaded(statement):
     return said(f"{statement}\nimport json, sys; print(json.dumps([name for name in {LATER} if name in sys.modules]))")
 
 
-def test_a_bare_import_loads_none_of_them():
-    assert loaded("import rso_lidar") == []
+def test_what_the_package_exports_loads_none_of_them():
+    assert loaded("import rso_lidar as rl; [getattr(rl, name) for name in rl.__all__]") == []
 
 
 def test_the_list_of_commands_loads_what_draws_it_and_no_more():

@@ -1,7 +1,9 @@
 """Defaults of parts that are assumed, by what the description of each field says."""
 
 import functools
+import importlib
 import inspect
+import pkgutil
 import re
 
 import rso_lidar as rl
@@ -26,7 +28,9 @@ def list_assumed_defaults(names):
 def _parts():
     """Return all classes of parts by name."""
     found, classes = {}, [Part]
-    assert rl.Scenario  # all rooms are imported by then
+    for module in pkgutil.walk_packages(rl.__path__, "rso_lidar."):  # rooms load their parts on first use
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
     while classes:
         for each in classes.pop().__subclasses__():
             if not inspect.isabstract(each):

@@ -49,5 +49,5 @@ def test_two_pieces_obey_the_parallel_axis_theorem():
 
 def test_a_part_without_a_class_names_the_table():
     model = craft(bus=CraftPart(box((1, 1, 1)), "aluminium", 1.0), flag=CraftPart(box((1, 1, 1)), "aluminium", 1.0))
-    with pytest.raises(ScenarioError, match="part 'flag': has no common part class: add it to"):
+    with pytest.raises(ScenarioError, match="part 'flag': has no common part class; add it to"):
         print(model.part_classes)

@@ -23,8 +23,8 @@ class ArrayLoad:
 
     Parameters
     ----------
-    gain : (pixel) of the APD relative to rest, the mean over the pixel's own light. 1 without light.
-    together_fraction : (pixel) share of the array that latches within a clock of it. 0 without light.
+    gain : (pixel) of the APD relative to rest, the mean over the pixel's own light. 1 without light
+    together_fraction : (pixel) share of the array that latches within a clock of it. 0 without light
     """
 
     gain: np.ndarray
@@ -39,8 +39,8 @@ def simulate_array_load(gsfl: Gsfl, photons: Photons) -> ArrayLoad:
 
     Parameters
     ----------
-    gsfl : the detector; without droop and crosstalk its pixels do nothing to each other.
-    photons : the light of the whole flash.
+    gsfl : the detector; without droop and crosstalk its pixels do nothing to each other
+    photons : the light of the whole flash
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     gain, together = np.ones(n_pixels), np.zeros(n_pixels)

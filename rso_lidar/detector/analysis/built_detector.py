@@ -27,9 +27,9 @@ class BuiltDetector(Protocol):
 
         Parameters
         ----------
-        photons : light on every pixel.
-        rng : generator of all noise.
-        threads : number of threads (None: one for each core).
+        photons : light on every pixel
+        rng : generator of all noise
+        threads : number of threads (None: one for each core)
         """
         ...
 
@@ -40,7 +40,7 @@ class BuiltDetector(Protocol):
 
         Parameters
         ----------
-        photons, rng, threads : as for `detect`.
+        photons, rng, threads : as for `detect`
         """
         return *self.detect(photons, rng, threads), None
 
@@ -89,9 +89,9 @@ class BuiltDetector(Protocol):
 
         Parameters
         ----------
-        pulse : the laser's pulse.
-        photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s].
-        only_probability : whether the other members of the prediction are not needed.
+        pulse : the laser's pulse
+        photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s]
+        only_probability : whether the other members of the prediction are not needed
         """
         return None
 

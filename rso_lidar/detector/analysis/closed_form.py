@@ -50,10 +50,10 @@ class Prediction:
 
     Parameters
     ----------
-    probability : of detection, given that the return is in reach and no false alarm comes before it.
-    range_precision_m : standard deviation of the range [m].
-    snr : signal over noise, as amplitudes.
-    saturated : whether the intensity is clipped, bool.
+    probability : of detection, given that the return is in reach and no false alarm comes before it
+    range_precision_m : standard deviation of the range [m]
+    snr : signal over noise, as amplitudes
+    saturated : whether the intensity is clipped, bool
     """
 
     probability: np.ndarray
@@ -69,11 +69,11 @@ def predict_gsfl(
 
     Parameters
     ----------
-    gsfl : the detector.
-    pulse : the laser's pulse.
-    photons : (return) expected photons.
-    depth_s : (return) time over which the surface stretches each return [s].
-    only_probability : leave the other members of the prediction zero, which is faster.
+    gsfl : the detector
+    pulse : the laser's pulse
+    photons : (return) expected photons
+    depth_s : (return) time over which the surface stretches each return [s]
+    only_probability : leave the other members of the prediction zero, which is faster
 
     Raises
     ------
@@ -219,8 +219,8 @@ def _compute_response(gsfl: Gsfl, pulse: LaserPulse, stretch_s: float) -> _Respo
 
     Parameters
     ----------
-    gsfl, pulse : the detector, and the laser's pulse.
-    stretch_s : time over which the surface stretches it [s].
+    gsfl, pulse : the detector, and the laser's pulse
+    stretch_s : time over which the surface stretches it [s]
     """
     pole_s, width_s = gsfl.amplifier.pole_s, gsfl.amplifier.integration_s
     step_s, taps, assumed = pulse.step_s, pulse.power_per_s, _assume_pulse(gsfl, pulse)
@@ -279,10 +279,10 @@ def _fit(
 
     Parameters
     ----------
-    gsfl, assumed : the detector, and what it takes the pulse for.
-    light : (step) the stretched pulse.
-    respond, dark : response at some instants to charge in each step, and covariance of the noise in the dark there.
-    beside_s : half a step of time [s].
+    gsfl, assumed : the detector, and what it takes the pulse for
+    light : (step) the stretched pulse
+    respond, dark : response at some instants to charge in each step, and covariance of the noise in the dark there
+    beside_s : half a step of time [s]
     """
     readout, amplifier, pulse = gsfl.readout, gsfl.amplifier, assumed.pulse
     half = max(2, math.ceil(_REACH_FWHM * pulse.fwhm_s / readout.sample_s))

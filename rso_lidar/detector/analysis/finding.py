@@ -14,8 +14,8 @@ def at_least(probability: np.ndarray, least: int) -> float:
 
     Parameters
     ----------
-    probability : (pixel) that each reports.
-    least : number of pixels, from 1.
+    probability : (pixel) that each reports
+    least : number of pixels, from 1
 
     >>> round(at_least(np.array([0.5, 0.5, 0.5]), 2), 6)
     0.5
@@ -43,8 +43,8 @@ def k_of_n(probability: np.ndarray, needed: int, flashes: int | np.ndarray) -> n
 
     Parameters
     ----------
-    probability : (…) that one flash succeeds.
-    needed, flashes : k and n.
+    probability : (…) that one flash succeeds
+    needed, flashes : k and n
 
     >>> k_of_n(np.array([0.5, 0.9]), 2, 3).round(6).tolist()
     [0.5, 0.972]
@@ -63,8 +63,8 @@ def estimate_k_of_n(succeeded: int, tried: int, needed: int, flashes: int) -> fl
 
     Parameters
     ----------
-    succeeded, tried : successes, and trials; at least `flashes` trials.
-    needed, flashes : k and n.
+    succeeded, tried : successes, and trials; at least `flashes` trials
+    needed, flashes : k and n
 
     Returns
     -------

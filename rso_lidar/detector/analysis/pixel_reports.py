@@ -40,9 +40,9 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
 
     Parameters
     ----------
-    gsfl : the detector.
-    photons : light on every pixel.
-    mine : (return) whether a report of this return counts.
+    gsfl : the detector
+    photons : light on every pixel
+    mine : (return) whether a report of this return counts
 
     Returns
     -------
@@ -81,8 +81,8 @@ def _raise_dark_current(gsfl: Gsfl, background_photons_per_s: float) -> Gsfl:
 
     Parameters
     ----------
-    gsfl : the detector.
-    background_photons_per_s : sunlight [photons/s].
+    gsfl : the detector
+    background_photons_per_s : sunlight [photons/s]
     """
     extra_na = gsfl.quantum_efficiency * background_photons_per_s * units.ELEMENTARY_CHARGE_C / units.NA
     gate = None if gsfl.gate is None else gsfl.gate.replace(delay_ns=0.0)
@@ -96,9 +96,9 @@ def _detect_clusters(dark: Gsfl, camera: FlashCamera, photons: Photons) -> np.nd
 
     Parameters
     ----------
-    dark : the detector with the noise in force, in the dark.
-    camera : the camera that looks.
-    photons : light on every pixel.
+    dark : the detector with the noise in force, in the dark
+    camera : the camera that looks
+    photons : light on every pixel
     """
     pulse, shape = LaserPulse.of(photons), camera.pulse
     threshold_photons = dark.traits.threshold_photons / shape.peak
@@ -129,13 +129,13 @@ def combine_clusters(
 
     Parameters
     ----------
-    photons : light on every pixel.
-    mine : (return) whether a report of this return counts. A cluster counts where most of its light does.
-    detected : (cluster) probability that it triggers.
-    false_rate_per_s : (cluster) rate of false alarms of its pixel [1/s].
-    window_m : nearest and farthest range at which the pixels are armed [m].
+    photons : light on every pixel
+    mine : (return) whether a report of this return counts. A cluster counts where most of its light does
+    detected : (cluster) probability that it triggers
+    false_rate_per_s : (cluster) rate of false alarms of its pixel [1/s]
+    window_m : nearest and farthest range at which the pixels are armed [m]
     lists_several : whether a pixel can report a farther cluster than the first that triggers. The probability of one that
-        counts is then not known in the presence of others (None).
+        counts is then not known in the presence of others (None)
 
     Returns
     -------
@@ -169,9 +169,9 @@ def _sum_clusters(photons: Photons, pulse: Pulse, sure_photons: float) -> np.nda
 
     Parameters
     ----------
-    photons : light on every pixel.
-    pulse : shape of one return behind the amplifier.
-    sure_photons : photons that are detected in any case; brighter clusters are only bounded from below.
+    photons : light on every pixel
+    pulse : shape of one return behind the amplifier
+    sure_photons : photons that are detected in any case; brighter clusters are only bounded from below
     """
     n_clusters = len(photons.cluster_pixel)
     signal = np.bincount(photons.cluster, photons.photons, n_clusters)
@@ -210,9 +210,9 @@ class _TriggerCurve:
 
         Parameters
         ----------
-        threshold_photons : photons that reach the nominal threshold.
-        still, shot : a and b.
-        beside : (level) differences at `_LEVELS`.
+        threshold_photons : photons that reach the nominal threshold
+        still, shot : a and b
+        beside : (level) differences at `_LEVELS`
         """
         self._photons, self._still, self._shot, self._beside = threshold_photons, still, shot, beside
 
@@ -221,7 +221,7 @@ class _TriggerCurve:
 
         Parameters
         ----------
-        photons, factor : (return) photons, and factor of the pixel's threshold.
+        photons, factor : (return) photons, and factor of the pixel's threshold
         """
         from scipy.special import ndtr
 
@@ -237,9 +237,9 @@ def _tabulate_curve(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) -> 
 
     Parameters
     ----------
-    gsfl : the detector, without a gate.
-    threshold_photons : photons whose amplitude reaches the nominal threshold.
-    pulse : the laser's pulse.
+    gsfl : the detector, without a gate
+    threshold_photons : photons whose amplitude reaches the nominal threshold
+    pulse : the laser's pulse
     """
     from scipy.special import ndtri
 
@@ -257,7 +257,7 @@ def _tabulate_depths(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) ->
 
     Parameters
     ----------
-    gsfl, threshold_photons, pulse : as for `_tabulate_curve`.
+    gsfl, threshold_photons, pulse : as for `_tabulate_curve`
 
     Returns
     -------

@@ -15,9 +15,9 @@ def mark_reports(reading: Reading, photons: Photons, mine: np.ndarray) -> np.nda
 
     Parameters
     ----------
-    reading : of the flash.
-    photons : light of the flash.
-    mine : (return) whether a report of this return counts.
+    reading : of the flash
+    photons : light of the flash
+    mine : (return) whether a report of this return counts
 
     Returns
     -------
@@ -39,8 +39,8 @@ def bound_reports(photons: Photons, mine: np.ndarray) -> tuple[np.ndarray, np.nd
 
     Parameters
     ----------
-    photons : light of the flash.
-    mine : (return) whether a report of this return counts.
+    photons : light of the flash
+    mine : (return) whether a report of this return counts
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     low_m, high_m = np.full(n_pixels, np.inf), np.full(n_pixels, -np.inf)

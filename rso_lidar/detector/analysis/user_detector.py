@@ -36,7 +36,7 @@ class Detector(Protocol):
 
     Parameters
     ----------
-    traits : facts that the scenario needs: reach, threshold, number of returns.
+    traits : facts that the scenario needs: reach, threshold, number of returns
     """
 
     traits: DetectorTraits
@@ -46,8 +46,8 @@ class Detector(Protocol):
 
         Parameters
         ----------
-        photons : light on every pixel: a return for each sub-ray that hits, and `cluster`, which groups those of one pulse.
-        rng : generator of all noise.
+        photons : light on every pixel: a return for each sub-ray that hits, and `cluster`, which groups those of one pulse
+        rng : generator of all noise
         """
         ...
 
@@ -167,9 +167,9 @@ class BuiltUserDetector(BuiltDetector):
 
         Parameters
         ----------
-        name, given : the method, and its arguments.
-        default : answer of an object without it.
-        check : called with the object, the name of its method and the answer; returns the answer, or raises an error.
+        name, given : the method, and its arguments
+        default : answer of an object without it
+        check : called with the object, the name of its method and the answer; returns the answer, or raises an error
         """
         answer = call_member(self.part, name, *given, default=default)
         return answer if answer is default else check(self.part, name, answer)
@@ -180,7 +180,7 @@ def check_traits(detector: object) -> None:
 
     Parameters
     ----------
-    detector : the user's object.
+    detector : the user's object
 
     Raises
     ------
@@ -199,10 +199,10 @@ def check_reading(detector: Any, method: str, answer: object, photons: Photons) 
 
     Parameters
     ----------
-    detector : the user's object.
-    method : its method.
-    answer : what the method returned.
-    photons : the light that it was given.
+    detector : the user's object
+    method : its method
+    answer : what the method returned
+    photons : the light that it was given
 
     Returns
     -------
@@ -236,9 +236,9 @@ def check_prediction(detector: object, method: str, prediction: object, *, shape
 
     Parameters
     ----------
-    detector, method : the object and the name of its method.
-    prediction : what the method returned.
-    shape : shape of the returns.
+    detector, method : the object and the name of its method
+    prediction : what the method returned
+    shape : shape of the returns
 
     Returns
     -------
@@ -268,9 +268,9 @@ def check_array_load(detector: object, method: str, load: object, *, n_pixels: i
 
     Parameters
     ----------
-    detector, method : the object and the name of its method.
-    load : what the method returned.
-    n_pixels : number of pixels.
+    detector, method : the object and the name of its method
+    load : what the method returned
+    n_pixels : number of pixels
 
     Raises
     ------

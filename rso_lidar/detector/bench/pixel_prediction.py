@@ -65,18 +65,18 @@ def predict_pixels(
 
     Parameters
     ----------
-    photons : light on every pixel.
-    detector : a part, or an object that follows the protocol `Detector`.
+    photons : light on every pixel
+    detector : a part, or an object that follows the protocol `Detector`
     true_range_m : (row, col) range of the labelled cluster [m], NaN for sky, as in `Labels` (None: the brightest cluster of
-        each pixel).
+        each pixel)
 
     Other Parameters
     ----------------
-    draws : number of repetitions and trials, where curves, closed form and table do not apply.
-    threads : number of threads for repetitions (None: one for each core). It does not change the result.
+    draws : number of repetitions and trials, where curves, closed form and table do not apply
+    threads : number of threads for repetitions (None: one for each core). It does not change the result
     by_table : whether scatter may be read from the table of a detector and pulse. Filling it takes some 100,000 trials,
         which pays for many flashes of the same detector. Otherwise the scatter comes from eight trials of each pixel and of
-        equally bright ones, with a standard error of 12 %.
+        equally bright ones, with a standard error of 12 %
 
     Returns
     -------
@@ -125,8 +125,8 @@ def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Cluste
 
     Parameters
     ----------
-    photons : light on every pixel.
-    true_range_m : (row, col) range of the labelled cluster [m], or None for the brightest cluster.
+    photons : light on every pixel
+    true_range_m : (row, col) range of the labelled cluster [m], or None for the brightest cluster
     """
     n_clusters, pixel = len(photons.cluster_pixel), photons.cluster_pixel
     light = np.bincount(photons.cluster, photons.photons, n_clusters)
@@ -171,9 +171,9 @@ def _predict(
 
     Parameters
     ----------
-    photons, detector : the light, and the detector.
-    there : the labelled clusters.
-    draws, threads, by_table : as for `predict_pixels`.
+    photons, detector : the light, and the detector
+    there : the labelled clusters
+    draws, threads, by_table : as for `predict_pixels`
 
     Returns
     -------
@@ -202,11 +202,11 @@ def _predict_by_form(
 
     Parameters
     ----------
-    photons, gsfl : the light, and the detector.
-    there : the labelled clusters.
-    probability : (lit) probability by the closed form.
-    draws : number of trials of each pixel.
-    by_table : whether scatter comes from the table, and not from trials of every pixel.
+    photons, gsfl : the light, and the detector
+    there : the labelled clusters
+    probability : (lit) probability by the closed form
+    draws : number of trials of each pixel
+    by_table : whether scatter comes from the table, and not from trials of every pixel
 
     Returns
     -------
@@ -237,8 +237,8 @@ def _find_special(photons: Photons, gsfl: Gsfl, there: _Clusters) -> np.ndarray:
 
     Parameters
     ----------
-    photons, gsfl : the light, and the detector.
-    there : the labelled clusters.
+    photons, gsfl : the light, and the detector
+    there : the labelled clusters
     """
     pixel, n_clusters = photons.cluster_pixel, len(photons.cluster_pixel)
     light = np.bincount(photons.cluster, photons.photons, n_clusters)
@@ -265,9 +265,9 @@ def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> t
 
     Parameters
     ----------
-    photons, gsfl : the light, and the detector.
-    there : the labelled clusters of the pixels.
-    draws : number of trials of each pixel.
+    photons, gsfl : the light, and the detector
+    there : the labelled clusters of the pixels
+    draws : number of trials of each pixel
 
     Returns
     -------
@@ -309,7 +309,7 @@ def _predict_by_repetition(
 
     Parameters
     ----------
-    photons, detector, there, draws, threads : as for `_predict`, which also says what is returned.
+    photons, detector, there, draws, threads : as for `_predict`, which also says what is returned
     """
     reported_m = np.empty((draws, len(there.pixel)))
     for k in range(draws):
@@ -326,9 +326,9 @@ def _summarise(reported_m: np.ndarray, there: _Clusters, fwhm_s: float) -> tuple
 
     Parameters
     ----------
-    reported_m : (draw, lit) reported ranges [m], NaN where none.
-    there : the labelled clusters.
-    fwhm_s : length of the pulse [s]. If no pixel reports twice, the scatter is that of a uniform distribution over it.
+    reported_m : (draw, lit) reported ranges [m], NaN where none
+    there : the labelled clusters
+    fwhm_s : length of the pulse [s]. If no pixel reports twice, the scatter is that of a uniform distribution over it
 
     Returns
     -------

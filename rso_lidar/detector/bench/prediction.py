@@ -34,10 +34,10 @@ def predict(
 
     Parameters
     ----------
-    detector : a part, or an object that follows the protocol `Detector`.
-    pulse : the laser's pulse.
-    photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s].
-    only_probability : whether the other members of the prediction are not needed, which is faster for some detectors.
+    detector : a part, or an object that follows the protocol `Detector`
+    pulse : the laser's pulse
+    photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s]
+    only_probability : whether the other members of the prediction are not needed, which is faster for some detectors
 
     Returns
     -------
@@ -52,9 +52,9 @@ def find_photons(detector: AnyDetector, pulse: LaserPulse, probability: np.ndarr
 
     Parameters
     ----------
-    detector : a part, or an object that follows the protocol `Detector`.
-    pulse : the laser's pulse.
-    probability : (case) probabilities of detection, if no false alarm comes before.
+    detector : a part, or an object that follows the protocol `Detector`
+    pulse : the laser's pulse
+    probability : (case) probabilities of detection, if no false alarm comes before
 
     Returns
     -------
@@ -88,8 +88,8 @@ def _predict_by_trial(detector: AnyDetector, pulse: LaserPulse, photons: np.ndar
 
     Parameters
     ----------
-    detector, pulse : as for `predict`.
-    photons, depth_s : (return) as for `predict`.
+    detector, pulse : as for `predict`
+    photons, depth_s : (return) as for `predict`
 
     Returns
     -------

@@ -26,8 +26,8 @@ class Separations:
 
     Parameters
     ----------
-    separation_m : (separation) distance of the two in range [m], ascending.
-    probability : (separation) that both are listed.
+    separation_m : (separation) distance of the two in range [m], ascending
+    probability : (separation) that both are listed
     """
 
     separation_m: np.ndarray
@@ -53,8 +53,8 @@ class Separations:
 
         Parameters
         ----------
-        out, inside : number of a separation where the probability is below it, and of one where it is not.
-        probability : to pass.
+        out, inside : number of a separation where the probability is below it, and of one where it is not
+        probability : to pass
 
         Returns
         -------
@@ -81,12 +81,12 @@ def simulate_pairs(
 
     Parameters
     ----------
-    detector : the detector, with at least two returns listed.
-    pulse : the laser's step [s] and power (tap) [1/s].
-    pulse_fwhm_s : its length [s].
-    separation_m : (separation) distances of the two in range [m].
-    photons : of the near and the far return (None: five times the threshold each).
-    each : trials of each separation.
+    detector : the detector, with at least two returns listed
+    pulse : the laser's step [s] and power (tap) [1/s]
+    pulse_fwhm_s : its length [s]
+    separation_m : (separation) distances of the two in range [m]
+    photons : of the near and the far return (None: five times the threshold each)
+    each : trials of each separation
 
     Returns
     -------
@@ -120,10 +120,10 @@ def simulate_separations(
 
     Parameters
     ----------
-    detector : the detector, with at least two returns listed.
-    pulse : the laser's step [s] and power (tap) [1/s].
-    pulse_fwhm_s : its length [s].
-    over : light of each return over the threshold.
+    detector : the detector, with at least two returns listed
+    pulse : the laser's step [s] and power (tap) [1/s]
+    pulse_fwhm_s : its length [s]
+    over : light of each return over the threshold
 
     Returns
     -------
@@ -139,9 +139,9 @@ def _simulate_listed(detector: Any, pulse: LaserPulse, over: float) -> Separatio
 
     Parameters
     ----------
-    detector : the detector, hashable.
-    pulse : the laser's pulse.
-    over : light of each return over the threshold.
+    detector : the detector, hashable
+    pulse : the laser's pulse
+    over : light of each return over the threshold
 
     Returns
     -------

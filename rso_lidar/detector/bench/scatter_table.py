@@ -38,10 +38,10 @@ def read_scatter_m(
 
     Parameters
     ----------
-    gsfl : the detector.
-    photons : record whose shape of the pulse is used.
-    sunlight_per_s : sunlight on the pixels [photons/s].
-    light, depth_s : (lit) photons of each pixel, and depth of the light in delay [s].
+    gsfl : the detector
+    photons : record whose shape of the pulse is used
+    sunlight_per_s : sunlight on the pixels [photons/s]
+    light, depth_s : (lit) photons of each pixel, and depth of the light in delay [s]
     """
     armed_m = min(gsfl.armed_to_m - gsfl.armed_from_m, _ARMED_M)
     window = {"armed_from_m": _PLATE_M - 0.5 * armed_m, "armed_to_m": _PLATE_M + 0.5 * armed_m}
@@ -74,10 +74,10 @@ def _try_levels(gsfl: Gsfl, pulse: LaserPulse, sunlight_per_s: float, depth: flo
 
     Parameters
     ----------
-    gsfl : the detector, whose pixels do not affect each other.
-    pulse : the laser's pulse.
-    sunlight_per_s : sunlight on the pixels [photons/s].
-    depth : of the light, in pulse lengths.
+    gsfl : the detector, whose pixels do not affect each other
+    pulse : the laser's pulse
+    sunlight_per_s : sunlight on the pixels [photons/s]
+    depth : of the light, in pulse lengths
     """
     trials = np.where(_LEVELS < 1.0, _FAINT_TRIALS, 1) * max(_TRIALS // gsfl.traits.pulses, _FEWEST_TRIALS)
     number = np.repeat(np.arange(len(_LEVELS)), trials)
@@ -112,9 +112,9 @@ def _smooth(scatter_m: np.ndarray, level: np.ndarray, count: np.ndarray) -> np.n
 
     Parameters
     ----------
-    scatter_m : (level) [m].
-    level : (level) photons n, in any unit.
-    count : (level) number of reports of each scatter.
+    scatter_m : (level) [m]
+    level : (level) photons n, in any unit
+    count : (level) number of reports of each scatter
 
     Returns
     -------

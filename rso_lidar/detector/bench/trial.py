@@ -23,10 +23,10 @@ class Surroundings:
 
     Parameters
     ----------
-    gain : of the APD under the array's current, relative to rest.
-    together_fraction : scalar or (pixel), share of the array that latches with a pixel; see `array_load`.
-    energy_jitter_fraction : of the laser from pulse to pulse, 1 sigma.
-    timing_jitter_s : of the laser from pulse to pulse, 1 sigma [s].
+    gain : of the APD under the array's current, relative to rest
+    together_fraction : scalar or (pixel), share of the array that latches with a pixel; see `array_load`
+    energy_jitter_fraction : of the laser from pulse to pulse, 1 sigma
+    timing_jitter_s : of the laser from pulse to pulse, 1 sigma [s]
     """
 
     gain: float = 1.0
@@ -41,9 +41,9 @@ class Trial:
 
     Parameters
     ----------
-    detected : (pixel) whether the return was reported.
-    range_error_m : (detected pixel) [m].
-    intensity_counts : (detected pixel) [counts].
+    detected : (pixel) whether the return was reported
+    range_error_m : (detected pixel) [m]
+    intensity_counts : (detected pixel) [counts]
     """
 
     detected: np.ndarray
@@ -83,11 +83,11 @@ def make_plate(
 
     Parameters
     ----------
-    photons : scalar or (n), mean on the pixel after the optics.
-    n : number of pixels.
-    pulse : the laser's step [s] and power (tap) [1/s].
-    pulse_fwhm_s : length of the pulse [s].
-    range_m : scalar or (n), least range [m].
+    photons : scalar or (n), mean on the pixel after the optics
+    n : number of pixels
+    pulse : the laser's step [s] and power (tap) [1/s]
+    pulse_fwhm_s : length of the pulse [s]
+    range_m : scalar or (n), least range [m]
 
     Returns
     -------
@@ -111,13 +111,13 @@ def make_point_returns(
 
     Parameters
     ----------
-    shape : rows and columns of the array.
-    pulse : the laser's step [s] and power (tap) [1/s].
-    pulse_fwhm_s : length of the pulse [s].
-    pixel : (return) number of the pixel, ascending.
-    range_m : (return) [m].
-    photons : (return) mean on the pixel after the optics.
-    coherence_cells : of each return; infinite for light without speckle.
+    shape : rows and columns of the array
+    pulse : the laser's step [s] and power (tap) [1/s]
+    pulse_fwhm_s : length of the pulse [s]
+    pixel : (return) number of the pixel, ascending
+    range_m : (return) [m]
+    photons : (return) mean on the pixel after the optics
+    coherence_cells : of each return; infinite for light without speckle
 
     Returns
     -------
@@ -155,11 +155,11 @@ def run_trial(
 
     Parameters
     ----------
-    detector : the detector.
-    photons : light on a row of pixels.
-    rng : generator of the noise.
-    true_m : (pixel) true ranges [m] for the range errors (None: of the one return in each pixel).
-    around : effects of their own flashes on the pixels.
+    detector : the detector
+    photons : light on a row of pixels
+    rng : generator of the noise
+    true_m : (pixel) true ranges [m] for the range errors (None: of the one return in each pixel)
+    around : effects of their own flashes on the pixels
 
     Returns
     -------

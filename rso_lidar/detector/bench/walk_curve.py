@@ -27,11 +27,11 @@ class WalkCurve:
 
     Parameters
     ----------
-    photons : expected photons on the pixel, ascending.
-    found_fraction : share of the pixels that report the return.
-    bias_m : median range error of these [m], NaN without any.
-    noise_m : standard deviation of their range errors [m], NaN without any.
-    saturated_fraction : share of them that are flagged as saturated.
+    photons : expected photons on the pixel, ascending
+    found_fraction : share of the pixels that report the return
+    bias_m : median range error of these [m], NaN without any
+    noise_m : standard deviation of their range errors [m], NaN without any
+    saturated_fraction : share of them that are flagged as saturated
     """
 
     photons: np.ndarray
@@ -62,11 +62,11 @@ def simulate_walk_curve(
 
     Parameters
     ----------
-    detector : a part, or an object that follows the protocol `Detector`.
-    pulse : the laser's pulse.
-    photons : (level) expected photons. Default: 24 levels from twice the threshold to 250,000 times that.
-    pixels : number of pixels for each level.
-    range_m : least range of the plates [m].
+    detector : a part, or an object that follows the protocol `Detector`
+    pulse : the laser's pulse
+    photons : (level) expected photons. Default: 24 levels from twice the threshold to 250,000 times that
+    pixels : number of pixels for each level
+    range_m : least range of the plates [m]
 
     Returns
     -------

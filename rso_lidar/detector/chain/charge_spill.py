@@ -30,9 +30,9 @@ def spill_charge(bloom: Bloom, photons: Photons, electrons_per_photon: float) ->
 
     Parameters
     ----------
-    bloom : full well, share and delay of what spills.
-    photons : light on every pixel.
-    electrons_per_photon : mean number of electrons after the APD for each photon.
+    bloom : full well, share and delay of what spills
+    photons : light on every pixel
+    electrons_per_photon : mean number of electrons after the APD for each photon
 
     Returns
     -------
@@ -70,9 +70,9 @@ def find_spill(held: np.ndarray, well: float, spill_fraction: float) -> tuple[np
 
     Parameters
     ----------
-    held : (row, col) charge made in each pixel.
-    well : charge that a pixel holds, in the same unit.
-    spill_fraction : share of the charge above the well that leaves.
+    held : (row, col) charge made in each pixel
+    well : charge that a pixel holds, in the same unit
+    spill_fraction : share of the charge above the well that leaves
 
     Returns
     -------
@@ -103,10 +103,10 @@ def _return_charge(
 
     Parameters
     ----------
-    photons : light on every pixel.
-    of : returns of this pulse.
-    lost, collected : (row, col) charge that leaves, and that is collected and stays, in photons.
-    delay_s : how much later it arrives [s].
+    photons : light on every pixel
+    of : returns of this pulse
+    lost, collected : (row, col) charge that leaves, and that is collected and stays, in photons
+    delay_s : how much later it arrives [s]
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -144,11 +144,11 @@ def _join(
 
     Parameters
     ----------
-    photons : light on every pixel.
-    light : (return) what is left of it.
-    epoch : (return) epoch of each.
-    spilled : returns of collected charge, with their epochs.
-    share : (epoch) share of the pulses.
+    photons : light on every pixel
+    light : (return) what is left of it
+    epoch : (return) epoch of each
+    spilled : returns of collected charge, with their epochs
+    share : (epoch) share of the pulses
     """
     new = {name: np.concatenate([returns[name] for returns in spilled]) for name in spilled[0]}
     new["photons"] = new["photons"] * share[new["epoch"]]

@@ -12,9 +12,9 @@ def detect_by_curves(empirical: Empirical, photons: Photons, rng: np.random.Gene
 
     Parameters
     ----------
-    empirical : its curves.
-    photons : light on every pixel.
-    rng : random generator.
+    empirical : its curves
+    photons : light on every pixel
+    rng : random generator
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     n_clusters = len(photons.cluster_pixel)
@@ -66,9 +66,9 @@ def _draw_first_false_s(false_alarms_per_s: float, rng: np.random.Generator, n_p
 
     Parameters
     ----------
-    false_alarms_per_s : rate of triggers by noise in a pixel [1/s].
-    rng : random generator.
-    n_pixels : pixels of the array.
+    false_alarms_per_s : rate of triggers by noise in a pixel [1/s]
+    rng : random generator
+    n_pixels : pixels of the array
     """
     waiting = rng.standard_exponential(n_pixels)
     with np.errstate(divide="ignore"):
@@ -89,10 +89,10 @@ def _quantise(
 
     Parameters
     ----------
-    empirical : the detector.
-    report_m : (pixel) reported range [m], NaN without a report.
-    report_photons : (pixel) photons of the report.
-    shape : rows and columns.
+    empirical : the detector
+    report_m : (pixel) reported range [m], NaN without a report
+    report_photons : (pixel) photons of the report
+    shape : rows and columns
     """
     reported = np.isfinite(report_m)
     counts = np.where(reported, np.clip(np.rint(empirical.counts(report_photons)), 1, empirical.full_scale_counts), 0)

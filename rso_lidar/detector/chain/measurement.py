@@ -53,10 +53,10 @@ def measure(
 
     Parameters
     ----------
-    processor : the digital end of the camera.
-    waveforms : what it stored.
-    rng : random generator of its jitter.
-    threads : number of threads (None: one for each core). The result is the same to the bit.
+    processor : the digital end of the camera
+    waveforms : what it stored
+    rng : random generator of its jitter
+    threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
     -------
@@ -112,9 +112,9 @@ def _draw_normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> 
 
     Parameters
     ----------
-    pixel : (trace) numbers of the pixels.
-    n_pixels : pixels of the array.
-    rng : random generator.
+    pixel : (trace) numbers of the pixels
+    n_pixels : pixels of the array
+    rng : random generator
     """
     from scipy.special import ndtri
 
@@ -128,10 +128,10 @@ def _is_on_rail(rail_counts: float, readout: Readout, waveforms: Waveforms, offs
 
     Parameters
     ----------
-    rail_counts : the rail [counts], above the baseline.
-    readout : the converter.
-    waveforms : what it stored.
-    offset_counts : (pixel) offset of the pixels.
+    rail_counts : the rail [counts], above the baseline
+    readout : the converter
+    waveforms : what it stored
+    offset_counts : (pixel) offset of the pixels
     """
     rail = waveforms.baseline_counts + rail_counts
     low, within = readout.low_gain, 1.0
@@ -153,12 +153,12 @@ def _locate_returns(
 
     Parameters
     ----------
-    processor : the digital end of the camera.
-    waveforms : what it stored.
-    samples : (trace, sample) [counts] above the baseline, calibrated.
-    clipped : (trace, sample) whether a sample is at the converter's rail.
-    railed : (trace, sample) whether it is there or at the amplifier's rail; None where the amplifier does not saturate.
-    threads : number of threads (None: one for each core).
+    processor : the digital end of the camera
+    waveforms : what it stored
+    samples : (trace, sample) [counts] above the baseline, calibrated
+    clipped : (trace, sample) whether a sample is at the converter's rail
+    railed : (trace, sample) whether it is there or at the amplifier's rail; None where the amplifier does not saturate
+    threads : number of threads (None: one for each core)
     """
     locator, gate_thresholds = processor.locator, processor.gate_thresholds
     if gate_thresholds is None and processor.max_returns == 1 and processor.returns == "first":

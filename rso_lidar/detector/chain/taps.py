@@ -12,9 +12,9 @@ def cut_steps(signal: np.ndarray, row: np.ndarray, first: np.ndarray, n_steps: i
 
     Parameters
     ----------
-    signal : (row, step).
-    row, first : (trace) row and first step of each trace.
-    n_steps : steps of a trace.
+    signal : (row, step)
+    row, first : (trace) row and first step of each trace
+    n_steps : steps of a trace
     """
     step = first[:, None] + np.arange(n_steps)
     inside = step < signal.shape[1]
@@ -36,10 +36,10 @@ def tap_stages(
 
     Parameters
     ----------
-    shape : rows and columns of the array.
-    step_s : length of a step [s].
-    pixel, start_s, threshold : (trace) number of the pixel, beginning [s] and threshold [electrons].
-    primaries, amplitude : (trace, step) expected photoelectrons, and output of the amplifier [electrons].
+    shape : rows and columns of the array
+    step_s : length of a step [s]
+    pixel, start_s, threshold : (trace) number of the pixel, beginning [s] and threshold [electrons]
+    primaries, amplitude : (trace, step) expected photoelectrons, and output of the amplifier [electrons]
     """
     level = threshold[:, None]
     known = np.isfinite(amplitude) & np.isfinite(level)

@@ -29,9 +29,9 @@ def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Sampl
 
     Parameters
     ----------
-    gsfl : the detector.
-    pulse_fwhm_s : length of the pulse [s].
-    earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light.
+    gsfl : the detector
+    pulse_fwhm_s : length of the pulse [s]
+    earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light
     """
     steps = gsfl.steps_per_sample
     if gsfl.zero_crossing is not None:  # noise between steps half a pole apart is known from the steps to 2 % rms
@@ -44,8 +44,8 @@ def build_axis(gsfl: Gsfl, pulse: LaserPulse, step_s: float, n: int) -> TimeAxis
 
     Parameters
     ----------
-    gsfl, pulse : the detector, and the laser's pulse.
-    step_s, n : length of a step [s], and number of steps.
+    gsfl, pulse : the detector, and the laser's pulse
+    step_s, n : length of a step [s], and number of steps
     """
     amplifier = gsfl.amplifier
     filters = Filters(amplifier, n, step_s)

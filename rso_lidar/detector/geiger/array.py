@@ -195,7 +195,7 @@ class GeigerArray(Part):
 
         Parameters
         ----------
-        delay_ns : time between the flash and the opening of the gate [ns].
+        delay_ns : time between the flash and the opening of the gate [ns]
 
         Raises
         ------
@@ -211,7 +211,7 @@ class GeigerArray(Part):
 
         Parameters
         ----------
-        background_photons_per_s : sunlight on each pixel [photons/s].
+        background_photons_per_s : sunlight on each pixel [photons/s]
         """
         return self.dark_count_rate_hz + self.detection_efficiency * background_photons_per_s
 
@@ -220,7 +220,7 @@ class GeigerArray(Part):
 
         Parameters
         ----------
-        background_photons_per_s : sunlight on each pixel [photons/s].
+        background_photons_per_s : sunlight on each pixel [photons/s]
         """
         if self.least_counts is not None:
             return np.full(np.shape(background_photons_per_s), self.least_counts)
@@ -232,7 +232,7 @@ class GeigerArray(Part):
 
         Parameters
         ----------
-        background_photons_per_s : sunlight on each pixel [photons/s].
+        background_photons_per_s : sunlight on each pixel [photons/s]
         """
         noise = self._frame_noise_per_s(background_photons_per_s)
         least = self.find_least_counts(background_photons_per_s)

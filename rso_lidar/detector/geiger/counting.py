@@ -22,10 +22,10 @@ def false_peak_probability(
 
     Parameters
     ----------
-    counts : least counts of a peak.
-    noise_per_s : counts of noise in a second of gate, over all pulses of a frame.
-    gate_s, bin_s : length of the gate and of a bin [s].
-    peak_bins : bins of a peak.
+    counts : least counts of a peak
+    noise_per_s : counts of noise in a second of gate, over all pulses of a frame
+    gate_s, bin_s : length of the gate and of a bin [s]
+    peak_bins : bins of a peak
     """
     from scipy.special import pdtrc
 
@@ -43,8 +43,8 @@ def find_least_counts(
 
     Parameters
     ----------
-    probability : of a false peak, for a pixel and frame.
-    noise_per_s, gate_s, bin_s, peak_bins : as for `false_peak_probability`.
+    probability : of a false peak, for a pixel and frame
+    noise_per_s, gate_s, bin_s, peak_bins : as for `false_peak_probability`
 
     Returns
     -------
@@ -65,9 +65,9 @@ def peak_probability(fired: np.ndarray, pulses: int, counts: int) -> np.ndarray:
 
     Parameters
     ----------
-    fired : probability that one pulse gives a count in the peak.
-    pulses : of a frame.
-    counts : least counts of a peak.
+    fired : probability that one pulse gives a count in the peak
+    pulses : of a frame
+    counts : least counts of a peak
     """
     from scipy.special import betainc
 
@@ -93,9 +93,9 @@ def live_fraction(noise_per_s: float, hold_off_s: float, after_s: float) -> floa
 
     Parameters
     ----------
-    noise_per_s : counts of noise in a second.
-    hold_off_s : dead time after each [s].
-    after_s : time since the gate opened [s].
+    noise_per_s : counts of noise in a second
+    hold_off_s : dead time after each [s]
+    after_s : time since the gate opened [s]
     """
     if after_s <= hold_off_s:
         return math.exp(-noise_per_s * after_s)
@@ -111,9 +111,9 @@ def first_photon_moments(
 
     Parameters
     ----------
-    primaries : (return) mean avalanches N that the light could start.
-    depth_s : (return) time over which a surface stretches the pulse [s].
-    step_s, power_per_s : taps of the pulse; the middle one is time zero.
+    primaries : (return) mean avalanches N that the light could start
+    depth_s : (return) time over which a surface stretches the pulse [s]
+    step_s, power_per_s : taps of the pulse; the middle one is time zero
 
     Returns
     -------

@@ -30,9 +30,9 @@ class PhotonPeaks:
 
     Parameters
     ----------
-    delay_s : centroid of the peak, two-way delay since emission [s]; NaN where nothing was counted.
-    counts : in the peak.
-    total_counts : in the whole histogram.
+    delay_s : centroid of the peak, two-way delay since emission [s]; NaN where nothing was counted
+    counts : in the peak
+    total_counts : in the whole histogram
     """
 
     delay_s: np.ndarray
@@ -47,10 +47,10 @@ def count_photons(
 
     Parameters
     ----------
-    array : the detector.
-    photons : light on every pixel, of each pulse.
-    rng : generator of all noise.
-    threads : number of threads (None: one for each core). The result is the same to the bit.
+    array : the detector
+    photons : light on every pixel, of each pulse
+    rng : generator of all noise
+    threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
     -------
@@ -115,19 +115,19 @@ def _count(
 
     Parameters
     ----------
-    first, end : first pixel of the band, and the one after its last.
-    key : (2) uint32 of the frame.
-    pulses : (pulse) epoch of the exposure, energy over the mean, and delay beyond the mean [s], of each.
-    times : opening of the gate, its length, bin, hold-off and jitter [s].
-    afterpulse : probability, and mean time after the hold-off [s].
-    bins : of the histogram and of a peak.
-    noise_per_s : (pixel) rate of avalanches not due to the laser [1/s].
-    start : (pixel, epoch, and 1 more) first return of each pixel at each epoch.
-    delay_s, primaries, depth_s : (return) delay, mean avalanches, and time over which its surface stretches it.
-    pulse : first edge of the pulse's taps and their step [s].
-    energy, summed : (edge) share of the pulse's energy before each edge of its taps, and its integral [s].
-    step_s : of the integral of the rate.
-    peaks : delay, peak counts and total counts (pixel), written.
+    first, end : first pixel of the band, and the one after its last
+    key : (2) uint32 of the frame
+    pulses : (pulse) epoch of the exposure, energy over the mean, and delay beyond the mean [s], of each
+    times : opening of the gate, its length, bin, hold-off and jitter [s]
+    afterpulse : probability, and mean time after the hold-off [s]
+    bins : of the histogram and of a peak
+    noise_per_s : (pixel) rate of avalanches not due to the laser [1/s]
+    start : (pixel, epoch, and 1 more) first return of each pixel at each epoch
+    delay_s, primaries, depth_s : (return) delay, mean avalanches, and time over which its surface stretches it
+    pulse : first edge of the pulse's taps and their step [s]
+    energy, summed : (edge) share of the pulse's energy before each edge of its taps, and its integral [s]
+    step_s : of the integral of the rate
+    peaks : delay, peak counts and total counts (pixel), written
     """
     opens_s, gate_s, bin_s, hold_off_s, jitter_s = times
     n_bins, peak_bins = bins
@@ -210,10 +210,10 @@ def _integrate(
 
     Parameters
     ----------
-    delay_s, primaries, depth_s : (return) delays after the opening [s], mean avalanches, and stretch [s].
-    pulse, energy, summed : the pulse, as for `_count`.
-    step_s, window_s : step of the integral; begin and end of the gate, widened by the jitter of emission [s].
-    integral : (step) written.
+    delay_s, primaries, depth_s : (return) delays after the opening [s], mean avalanches, and stretch [s]
+    pulse, energy, summed : the pulse, as for `_count`
+    step_s, window_s : step of the integral; begin and end of the gate, widened by the jitter of emission [s]
+    integral : (step) written
 
     Returns
     -------
@@ -254,8 +254,8 @@ def _share(at_s: float, depth_s: float, pulse: tuple[float, float], energy: np.n
 
     Parameters
     ----------
-    at_s, depth_s : the time, and the time over which the surface stretches the pulse evenly [s].
-    pulse, energy, summed : the pulse, as for `_count`.
+    at_s, depth_s : the time, and the time over which the surface stretches the pulse evenly [s]
+    pulse, energy, summed : the pulse, as for `_count`
     """
     if depth_s < pulse[1]:
         return _look_up(at_s, pulse, energy, 0.0)
@@ -269,10 +269,10 @@ def _look_up(at_s: float, pulse: tuple[float, float], table: np.ndarray, slope: 
 
     Parameters
     ----------
-    at_s : the time [s].
-    pulse : first edge and step of the table [s].
-    table : (edge) values.
-    slope : behind the last edge.
+    at_s : the time [s]
+    pulse : first edge and step of the table [s]
+    table : (edge) values
+    slope : behind the last edge
     """
     place = (at_s - pulse[0]) / pulse[1]
     last = len(table) - 1
@@ -290,9 +290,9 @@ def _integral_at(at_s: float, rate: float, integral: np.ndarray, n: int, from_s:
 
     Parameters
     ----------
-    at_s : time after the opening [s].
-    rate : of noise [1/s].
-    integral, n, from_s, step_s : its values where the laser's light comes, their number, first time and step.
+    at_s : time after the opening [s]
+    rate : of noise [1/s]
+    integral, n, from_s, step_s : its values where the laser's light comes, their number, first time and step
     """
     if n == 0 or at_s <= from_s:
         return rate * at_s
@@ -309,8 +309,8 @@ def _time_of(value: float, rate: float, integral: np.ndarray, n: int, from_s: fl
 
     Parameters
     ----------
-    value : of the integral.
-    rate, integral, n, from_s, step_s : as for `_integral_at`.
+    value : of the integral
+    rate, integral, n, from_s, step_s : as for `_integral_at`
     """
     if n == 0 or value < integral[0]:
         return value / rate if rate > 0.0 else math.inf
@@ -334,9 +334,9 @@ def _peak(histogram: np.ndarray, touched: np.ndarray, peak_bins: int) -> Any:
 
     Parameters
     ----------
-    histogram : (bin) counts.
-    touched : bins that have counts.
-    peak_bins : of the window.
+    histogram : (bin) counts
+    touched : bins that have counts
+    peak_bins : of the window
     """
     most, first, centre = 0, -1, math.nan
     for begin in touched:

@@ -33,9 +33,9 @@ class BuiltGeigerArray(BuiltDetector):
 
         Parameters
         ----------
-        photons : light on every pixel, of each pulse.
-        rng : generator of all noise.
-        threads : number of threads (None: one for each core). The result is the same to the bit.
+        photons : light on every pixel, of each pulse
+        rng : generator of all noise
+        threads : number of threads (None: one for each core). The result is the same to the bit
 
         Returns
         -------
@@ -125,9 +125,9 @@ class BuiltGeigerArray(BuiltDetector):
 
         Parameters
         ----------
-        pulse : the laser's pulse.
-        photons, depth_s : (return) expected photons of a pulse, and the time over which a surface stretches them [s].
-        only_probability : not used: all members are computed together.
+        pulse : the laser's pulse
+        photons, depth_s : (return) expected photons of a pulse, and the time over which a surface stretches them [s]
+        only_probability : not used: all members are computed together
 
         Returns
         -------
@@ -171,8 +171,8 @@ class BuiltGeigerArray(BuiltDetector):
 
         Parameters
         ----------
-        photons : light on every pixel, of each pulse.
-        mine : (return) whether a report of this return counts.
+        photons : light on every pixel, of each pulse
+        mine : (return) whether a report of this return counts
         """
         array = self.part
         n_pixels = photons.shape[0] * photons.shape[1]
@@ -193,9 +193,9 @@ def try_lit_pixels(array: GeigerArray, photons: Photons, lit: np.ndarray) -> np.
 
     Parameters
     ----------
-    array : the detector.
-    photons : light on every pixel, of each pulse.
-    lit : (lit) ascending numbers of pixels with light.
+    array : the detector
+    photons : light on every pixel, of each pulse
+    lit : (lit) ascending numbers of pixels with light
 
     Returns
     -------
@@ -233,8 +233,8 @@ def _merge_returns(photons: Photons, lit: np.ndarray) -> tuple[np.ndarray, np.nd
 
     Parameters
     ----------
-    photons : light on every pixel.
-    lit : (lit) ascending numbers of the pixels.
+    photons : light on every pixel
+    lit : (lit) ascending numbers of the pixels
 
     Returns
     -------

@@ -19,8 +19,8 @@ def crossing_lead_s(pulse: Pulse, differentiator_s: float) -> float:
 
     Parameters
     ----------
-    pulse : shape of the return behind the amplifier.
-    differentiator_s : time constant τ of the differentiator [s].
+    pulse : shape of the return behind the amplifier
+    differentiator_s : time constant τ of the differentiator [s]
     """
     from scipy.signal import lfilter
 
@@ -41,9 +41,9 @@ def differentiate(signal: np.ndarray, differentiator_s: float, step_s: float) ->
 
     Parameters
     ----------
-    signal : (row, step) x.
-    differentiator_s : τ [s].
-    step_s : length of a step [s].
+    signal : (row, step) x
+    differentiator_s : τ [s]
+    step_s : length of a step [s]
     """
     ratio = step_s / differentiator_s
     node, share = np.polynomial.legendre.leggauss(8)
@@ -75,10 +75,10 @@ def differentiate_rows(signal: np.ndarray, keep: float, weights: np.ndarray, bip
 
     Parameters
     ----------
-    signal : (row, step).
-    keep : what remains of the slow part after a step.
-    weights : (4) of the steps around in what a step adds to the slow part.
-    bipolar : (row, step) written.
+    signal : (row, step)
+    keep : what remains of the slow part after a step
+    weights : (4) of the steps around in what a step adds to the slow part
+    bipolar : (row, step) written
     """
     last = signal.shape[1] - 1
     for row in range(signal.shape[0]):
@@ -95,10 +95,10 @@ def find_zero_crossings(settings: ZeroCrossing, bipolar: np.ndarray, earliest: n
 
     Parameters
     ----------
-    settings : arming level, rail and recovery.
-    bipolar : (row, step) [electrons].
-    earliest : (row) the channel is off before this place [steps].
-    step_s : length of a step [s].
+    settings : arming level, rail and recovery
+    bipolar : (row, step) [electrons]
+    earliest : (row) the channel is off before this place [steps]
+    step_s : length of a step [s]
     """
     crossing = np.empty(len(bipolar))
     weights = np.ascontiguousarray(cubic_weights(np.arange(1, _PIECES + 1) / _PIECES).T)
@@ -131,12 +131,12 @@ def cross_zero(
 
     Parameters
     ----------
-    bipolar : (row, step) input x of the amplifier [electrons].
-    earliest : (row) the channel is off before [steps].
-    arming, rail : levels [electrons].
-    recovery : τ of the stored charge [steps].
-    weights : (piece, 4) of the steps around at the end of each piece of a step.
-    crossing : (row) [steps], written; NaN without a crossing.
+    bipolar : (row, step) input x of the amplifier [electrons]
+    earliest : (row) the channel is off before [steps]
+    arming, rail : levels [electrons]
+    recovery : τ of the stored charge [steps]
+    weights : (piece, 4) of the steps around at the end of each piece of a step
+    crossing : (row) [steps], written; NaN without a crossing
     """
     n, pieces = bipolar.shape[1], weights.shape[0]
     length = 1.0 / pieces

@@ -44,8 +44,8 @@ def tabulate_edges(matched: Matched, recovery_s: float) -> Edges:
 
     Parameters
     ----------
-    matched : the filter, with the pulse.
-    recovery_s : time constant of the recovery, 0 without saturation [s].
+    matched : the filter, with the pulse
+    recovery_s : time constant of the recovery, 0 without saturation [s]
     """
     pulse = matched.pulse
     time = (pulse.from_s - pulse.peak_s + pulse.step_s * np.arange(len(pulse.table))) / matched.sample_s
@@ -91,14 +91,14 @@ def locate_clipped_pulses(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts] above the baseline.
-    clipped : (trace, sample) samples at the rail.
-    peak : (trace) sample of the peak; the plateau around it is looked at.
-    place : (trace) fitted place [samples].
-    matched : the filter.
-    edges : of its pulse, asked for where one is needed.
-    sigma_counts : rms of the noise.
-    recovery_s : time constant of the recovery, 0 without saturation [s].
+    samples : (trace, sample) [counts] above the baseline
+    clipped : (trace, sample) samples at the rail
+    peak : (trace) sample of the peak; the plateau around it is looked at
+    place : (trace) fitted place [samples]
+    matched : the filter
+    edges : of its pulse, asked for where one is needed
+    sigma_counts : rms of the noise
+    recovery_s : time constant of the recovery, 0 without saturation [s]
     """
     trace = np.flatnonzero(clipped[np.arange(len(peak)), peak])
     if recovery_s <= 0.0 and len(trace):
@@ -126,8 +126,8 @@ def read_edge(edge: np.ndarray, per_neper: float, level: float) -> float:
 
     Parameters
     ----------
-    edge, per_neper : one of those of `Edges`, and the number of levels in a neper.
-    level : logarithm of the level over the peak.
+    edge, per_neper : one of those of `Edges`, and the number of levels in a neper
+    level : logarithm of the level over the peak
     """
     at = min(max(-level * per_neper, 0.0), edge.shape[0] - 1.000001)
     k = int(at)
@@ -141,8 +141,8 @@ def read_level(edge: np.ndarray, per_neper: float, time: float) -> float:
 
     Parameters
     ----------
-    edge, per_neper : `rise` of `Edges`, and the number of levels in a neper.
-    time : [samples after the peak].
+    edge, per_neper : `rise` of `Edges`, and the number of levels in a neper
+    time : [samples after the peak]
     """
     low, high = 0, edge.shape[0] - 1  # the edge at `low` is later
     place: float = high
@@ -175,12 +175,12 @@ def place_by_edges(
 
     Parameters
     ----------
-    samples, clipped : (trace, sample).
-    traces : numbers of the traces to work on.
-    peak : (trace) a sample of the plateau.
-    sigma : rms of the noise [counts].
-    rise, fall, per_neper : those of `Edges`.
-    place : (trace) [samples], written for `traces`; unchanged where the trace begins on the plateau.
+    samples, clipped : (trace, sample)
+    traces : numbers of the traces to work on
+    peak : (trace) a sample of the plateau
+    sigma : rms of the noise [counts]
+    rise, fall, per_neper : those of `Edges`
+    place : (trace) [samples], written for `traces`; unchanged where the trace begins on the plateau
     """
     n, clear = samples.shape[1], _CLEAR * sigma
     for trace in traces:

@@ -29,11 +29,11 @@ class Filter(NamedTuple):
 
     Parameters
     ----------
-    rounds : (2) iterations of a trace without clipped samples, and with.
-    half : half the window [samples].
-    fwhm : of the pulse [samples].
-    codes : (3, width + 1) how samples of the window make the key of a pattern, and which are in the pulse.
-    known : patterns with their weights.
+    rounds : (2) iterations of a trace without clipped samples, and with
+    half : half the window [samples]
+    fwhm : of the pulse [samples]
+    codes : (3, width + 1) how samples of the window make the key of a pattern, and which are in the pulse
+    known : patterns with their weights
     """
 
     rounds: np.ndarray
@@ -66,11 +66,11 @@ def fit_first_pulses(
 
     Parameters
     ----------
-    samples : (trace, sample) float32.
-    start : (trace) the peak comes at most one sample before.
-    least : lowest sample that can be a peak.
-    matched : the filter.
-    clipped : (trace, sample) samples at the rail, None without.
+    samples : (trace, sample) float32
+    start : (trace) the peak comes at most one sample before
+    least : lowest sample that can be a peak
+    matched : the filter
+    clipped : (trace, sample) samples at the rail, None without
     """
     peak, place, height, unknown = (np.empty(len(samples), kind) for kind in (np.int64, float, float, np.int64))
     start, mask = packed(start, np.int64), _mask(clipped)
@@ -94,12 +94,12 @@ def fit_all_pulses(
 
     Parameters
     ----------
-    samples : (trace, sample) float32.
-    matched : the filter.
-    threshold_counts : least height of a pulse.
-    sigma_counts : rms of the noise.
-    most : pulses looked for in a trace.
-    clipped : (trace, sample) samples at the rail, None without.
+    samples : (trace, sample) float32
+    matched : the filter
+    threshold_counts : least height of a pulse
+    sigma_counts : rms of the noise
+    most : pulses looked for in a trace
+    clipped : (trace, sample) samples at the rail, None without
     """
     shape, pulse = (len(samples), most), matched.pulse
     pulses = Pulses(np.empty(shape, bool), np.empty(shape), np.empty(shape))
@@ -128,12 +128,12 @@ def _fill_with_known_weights(
 
     Parameters
     ----------
-    matched : the filter.
-    fill : runs the kernels.
-    clipped : (trace, sample) samples at the rail, None without.
-    n : samples of a trace.
-    unknown : (trace) key of a pattern whose weights the filter lacks; 0 if it has all.
-    unknown_at : (trace) place [samples] at which that pattern is needed.
+    matched : the filter
+    fill : runs the kernels
+    clipped : (trace, sample) samples at the rail, None without
+    n : samples of a trace
+    unknown : (trace) key of a pattern whose weights the filter lacks; 0 if it has all
+    unknown_at : (trace) place [samples] at which that pattern is needed
     """
     asked = np.zeros((0, matched.width), bool)
     fitter = Filter(_ROUNDS, matched.half, float(matched.fwhm), matched.codes, matched.known())
@@ -168,13 +168,13 @@ def fit_first(
 
     Parameters
     ----------
-    samples : (trace, sample) float32.
-    start : (trace) the peak comes at most one sample before.
-    least : lowest sample that can be a peak.
-    clipped : (trace, sample), or empty without clipped samples.
-    matched : the filter.
-    peaks, place, height : (trace) filled with the peak, and with place [samples] and height of the fit.
-    unknown : (trace) filled with the key of a pattern that is not known, or 0.
+    samples : (trace, sample) float32
+    start : (trace) the peak comes at most one sample before
+    least : lowest sample that can be a peak
+    clipped : (trace, sample), or empty without clipped samples
+    matched : the filter
+    peaks, place, height : (trace) filled with the peak, and with place [samples] and height of the fit
+    unknown : (trace) filled with the key of a pattern that is not known, or 0
     """
     rounds, half, fwhm, codes, (keys, weights) = matched
     none = np.zeros((0, 0), np.bool_)
@@ -201,9 +201,9 @@ def subtract_pulse(
 
     Parameters
     ----------
-    alone : (sample) changed in place.
-    table, from_step, steps_per_sample : those of `Curve`.
-    place, height : of the pulse [samples] and [counts].
+    alone : (sample) changed in place
+    table, from_step, steps_per_sample : those of `Curve`
+    place, height : of the pulse [samples] and [counts]
     """
     for sample in range(alone.shape[0]):
         at = (sample - place) * steps_per_sample - from_step
@@ -229,15 +229,15 @@ def fit_all(
 
     Parameters
     ----------
-    samples : (trace, sample) float32.
-    clipped : (trace, sample), or empty without clipped samples.
-    threshold : least height of a pulse.
-    three_sigma : three times the rms noise.
-    height_weights : (width) weights that give the height of a pulse in the middle of a window.
-    curve : shape of a pulse.
-    matched : the filter.
-    pulses : filled.
-    unknown, unknown_at : (trace) filled with the key of a pattern that is not known, or 0, and the place where it is needed.
+    samples : (trace, sample) float32
+    clipped : (trace, sample), or empty without clipped samples
+    threshold : least height of a pulse
+    three_sigma : three times the rms noise
+    height_weights : (width) weights that give the height of a pulse in the middle of a window
+    curve : shape of a pulse
+    matched : the filter
+    pulses : filled
+    unknown, unknown_at : (trace) filled with the key of a pattern that is not known, or 0, and the place where it is needed
     """
     alive, place, height = pulses
     table, from_step, steps_per_sample = curve
@@ -309,9 +309,9 @@ def drop_weak_pulses(
 
     Parameters
     ----------
-    place, height, alive : (slot) of the pulses, changed in place.
-    threshold : least height.
-    apart : least distance [samples].
+    place, height, alive : (slot) of the pulses, changed in place
+    threshold : least height
+    apart : least distance [samples]
 
     Returns
     -------

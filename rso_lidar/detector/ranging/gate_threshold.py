@@ -40,10 +40,10 @@ class GateThresholds:
 
     Parameters
     ----------
-    gate : with the false-alarm probability.
-    apd, amplifier, readout : where the noise comes from.
-    matched : the filter.
-    offset_counts : spread of the baselines that no calibration has removed. Over the array it counts as noise.
+    gate : with the false-alarm probability
+    apd, amplifier, readout : where the noise comes from
+    matched : the filter
+    offset_counts : spread of the baselines that no calibration has removed. Over the array it counts as noise
     """
 
     gate: Gate
@@ -58,7 +58,7 @@ class GateThresholds:
 
         Parameters
         ----------
-        rate_per_s : (pixel) primaries that no pulse makes [1/s]: dark current and sunlight.
+        rate_per_s : (pixel) primaries that no pulse makes [1/s]: dark current and sunlight
         """
         least, most = float(rate_per_s.min(initial=np.inf)), float(rate_per_s.max(initial=0.0))
         if least == most or not len(rate_per_s):
@@ -126,9 +126,9 @@ def _avalanches(one: np.ndarray, spacing: float, apd: Apd) -> np.ndarray:
 
     Parameters
     ----------
-    one : (step) pulse g of one electron [counts].
-    spacing : of the grid [counts].
-    apd : the photodiode.
+    one : (step) pulse g of one electron [counts]
+    spacing : of the grid [counts]
+    apd : the photodiode
     """
     omega = 2.0 * math.pi * np.arange(_GRID // 2 + 1) / _GRID
     if apd.statistics == "gaussian":

@@ -12,11 +12,11 @@ def find_key(clipped: np.ndarray, trace: int, window: int, low: int, high: int, 
 
     Parameters
     ----------
-    clipped : (trace, sample), or empty without clipped samples.
-    trace : number of the trace.
-    window : sample at which the window begins.
-    low, high : first sample inside the trace, and one past the last.
-    codes : those of `fitting.Filter`.
+    clipped : (trace, sample), or empty without clipped samples
+    trace : number of the trace
+    window : sample at which the window begins
+    low, high : first sample inside the trace, and one past the last
+    codes : those of `fitting.Filter`
     """
     key, shown = np.int64(0), 0
     if clipped.shape[0]:
@@ -43,12 +43,12 @@ def iterate_fit(
 
     Parameters
     ----------
-    samples : (sample) of one trace.
-    clipped : (trace, sample), or empty without clipped samples.
-    trace : number of the trace.
-    guess : place to begin at [samples].
-    rounds, half, codes : those of `fitting.Filter`.
-    keys, weights : known patterns.
+    samples : (sample) of one trace
+    clipped : (trace, sample), or empty without clipped samples
+    trace : number of the trace
+    guess : place to begin at [samples]
+    rounds, half, codes : those of `fitting.Filter`
+    keys, weights : known patterns
 
     Returns
     -------
@@ -96,12 +96,12 @@ def fit_pulse(
 
     Parameters
     ----------
-    samples : (sample) of one trace.
-    clipped : (trace, sample), or empty without clipped samples.
-    trace : number of the trace.
-    guess : place to begin at [samples].
-    rounds, half, fwhm, codes : those of `fitting.Filter`.
-    keys, weights : known patterns.
+    samples : (sample) of one trace
+    clipped : (trace, sample), or empty without clipped samples
+    trace : number of the trace
+    guess : place to begin at [samples]
+    rounds, half, fwhm, codes : those of `fitting.Filter`
+    keys, weights : known patterns
 
     Returns
     -------

@@ -26,11 +26,11 @@ class Locator:
 
     Parameters
     ----------
-    ranging : the algorithm.
-    matched : the matched filter, with the pulse behind the amplifier.
-    sigma_counts : rms of the noise [counts].
-    threshold_counts : level of the algorithm leading_edge, and least height of a pulse [counts].
-    recovery_s : time constant of the amplifier's recovery from saturation, 0 without [s].
+    ranging : the algorithm
+    matched : the matched filter, with the pulse behind the amplifier
+    sigma_counts : rms of the noise [counts]
+    threshold_counts : level of the algorithm leading_edge, and least height of a pulse [counts]
+    recovery_s : time constant of the amplifier's recovery from saturation, 0 without [s]
     """
 
     ranging: Ranging
@@ -54,9 +54,9 @@ class Locator:
 
         Parameters
         ----------
-        pulse : shape of a return behind the amplifier.
-        ranging, sigma_counts, threshold_counts, recovery_s : as for `Locator`.
-        sample_s, pole_s : time between samples and τ of the amplifier's poles [s].
+        pulse : shape of a return behind the amplifier
+        ranging, sigma_counts, threshold_counts, recovery_s : as for `Locator`
+        sample_s, pole_s : time between samples and τ of the amplifier's poles [s]
         """
         matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
         return Locator(ranging, matched, sigma_counts, threshold_counts, recovery_s)
@@ -87,13 +87,13 @@ def locate(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts] above the baseline, float32.
-    start : (trace) the first sample after the latch. The pulse is the first peak from there on.
-    locator : the algorithm.
+    samples : (trace, sample) [counts] above the baseline, float32
+    start : (trace) the first sample after the latch. The pulse is the first peak from there on
+    locator : the algorithm
     clipped : (trace, sample) samples at the converter's rail. The fit leaves them out where 3 others are in the pulse; else
-        the edges of the pulse give its place.
+        the edges of the pulse give its place
     railed : (trace, sample) samples at the rail of the converter or of an amplifier that saturates; None without the latter.
-        Then the edges give the place of any pulse that reaches it.
+        Then the edges give the place of any pulse that reaches it
 
     Returns
     -------
@@ -117,10 +117,10 @@ def _relocate(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts].
-    held : (trace, sample) samples at a rail.
-    peak, place : (trace) sample of the peak, and fitted place [samples].
-    locator : the algorithm.
+    samples : (trace, sample) [counts]
+    held : (trace, sample) samples at a rail
+    peak, place : (trace) sample of the peak, and fitted place [samples]
+    locator : the algorithm
     """
     return locate_clipped_pulses(
         samples,
@@ -139,10 +139,10 @@ def _place(samples: np.ndarray, peak: np.ndarray, locator: Locator, threshold_co
 
     Parameters
     ----------
-    samples : (trace, sample) [counts].
-    peak : (trace) sample of the peak.
-    locator : the algorithm.
-    threshold_counts : level of leading_edge [counts].
+    samples : (trace, sample) [counts]
+    peak : (trace) sample of the peak
+    locator : the algorithm
+    threshold_counts : level of leading_edge [counts]
     """
     matched, ranging = locator.matched, locator.ranging
     if ranging.algorithm == "constant_fraction":
@@ -160,9 +160,9 @@ def _measure_place(samples: np.ndarray, peak: np.ndarray, locator: Locator) -> n
 
     Parameters
     ----------
-    samples : (trace, sample) [counts].
-    peak : (trace) sample of the peak.
-    locator : parabola or centroid.
+    samples : (trace, sample) [counts]
+    peak : (trace) sample of the peak
+    locator : parabola or centroid
     """
     if locator.ranging.algorithm == "parabola":
         vertex: np.ndarray = peak + locate_vertices(samples, peak)
@@ -175,9 +175,9 @@ def _crossing(samples: np.ndarray, peak: np.ndarray, level: np.ndarray) -> np.nd
 
     Parameters
     ----------
-    samples : (trace, sample) [counts].
-    peak : (trace) sample of the peak.
-    level : (trace) [counts].
+    samples : (trace, sample) [counts]
+    peak : (trace) sample of the peak
+    level : (trace) [counts]
     """
     n, row = samples.shape[1], np.arange(len(samples))
     below = (samples < level[:, None]) & (np.arange(n) < peak[:, None])
@@ -194,9 +194,9 @@ def _centroid(samples: np.ndarray, peak: np.ndarray, matched: Matched) -> np.nda
 
     Parameters
     ----------
-    samples : (trace, sample) [counts].
-    peak : (trace) sample of the peak.
-    matched : the filter. Sigma is that of a Gaussian of its FWHM.
+    samples : (trace, sample) [counts]
+    peak : (trace) sample of the peak
+    matched : the filter. Sigma is that of a Gaussian of its FWHM
     """
     reach = max(1, int(2.0 * matched.fwhm / units.FWHM_PER_SIGMA))
     offset = np.arange(-reach, reach + 1)
@@ -224,13 +224,13 @@ def locate_all(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts] above the baseline, float32.
-    locator : the algorithm.
-    most : greatest number of pulses in a trace.
-    clipped : (trace, sample) samples at the rail.
+    samples : (trace, sample) [counts] above the baseline, float32
+    locator : the algorithm
+    most : greatest number of pulses in a trace
+    clipped : (trace, sample) samples at the rail
     railed : (trace, sample) samples at the rail of the converter or of an amplifier that saturates; None without the latter.
-        Then the edges give the place of any pulse that reaches it.
-    least_counts : least height of a pulse [counts] (None: the threshold).
+        Then the edges give the place of any pulse that reaches it
+    least_counts : least height of a pulse [counts] (None: the threshold)
 
     Returns
     -------
@@ -271,10 +271,10 @@ def _without_others(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts].
-    matched : the filter.
-    place, height : (trace, slot) of the fitted pulses [samples] and [counts].
-    slot : the pulse that stays.
+    samples : (trace, sample) [counts]
+    matched : the filter
+    place, height : (trace, slot) of the fitted pulses [samples] and [counts]
+    slot : the pulse that stays
     """
     alone = samples.copy()
     for other in range(place.shape[1]):

@@ -33,8 +33,8 @@ class Known(NamedTuple):
 
     Parameters
     ----------
-    keys : (pattern) the codes of the samples used, combined by xor.
-    weights : (pattern, phase, 2, sample) float64; they give height, and height times shift [samples].
+    keys : (pattern) the codes of the samples used, combined by xor
+    weights : (pattern, phase, 2, sample) float64; they give height, and height times shift [samples]
     """
 
     keys: np.ndarray
@@ -53,10 +53,10 @@ class Matched:
 
         Parameters
         ----------
-        pulse : the pulse behind the amplifier.
-        sample_s : interval between samples [s].
-        pole_s : time constant of the amplifier, which colours the noise [s].
-        white_share : variance of the white noise over that of the coloured.
+        pulse : the pulse behind the amplifier
+        sample_s : interval between samples [s]
+        pole_s : time constant of the amplifier, which colours the noise [s]
+        white_share : variance of the white noise over that of the coloured
         """
         self.pulse, self.sample_s = pulse, sample_s
         self.fwhm = pulse.fwhm_s / sample_s
@@ -80,9 +80,9 @@ class Matched:
 
         Parameters
         ----------
-        pulse : shape of a return behind the amplifier.
-        sample_s, pole_s : time between samples and τ of the amplifier's poles [s].
-        sigma_counts : rms of the noise [counts]. Rounding to whole counts adds white noise of 1/12 count².
+        pulse : shape of a return behind the amplifier
+        sample_s, pole_s : time between samples and τ of the amplifier's poles [s]
+        sigma_counts : rms of the noise [counts]. Rounding to whole counts adds white noise of 1/12 count²
         """
         white_share = max(_WHITE_SHARE, 1.0 / (12.0 * max(float(sigma_counts), 1e-3) ** 2))
         return Matched(pulse, float(sample_s), float(pole_s), white_share)
@@ -123,7 +123,7 @@ class Matched:
 
         Parameters
         ----------
-        patterns : (pattern, width) bool, the samples that count.
+        patterns : (pattern, width) bool, the samples that count
 
         Returns
         -------
@@ -151,9 +151,9 @@ class Matched:
 
         Parameters
         ----------
-        place : middle of the window [samples].
-        clipped : (sample) samples at the rail, None without.
-        n : samples of the trace.
+        place : middle of the window [samples]
+        clipped : (sample) samples at the rail, None without
+        n : samples of the trace
         """
         middle = min(max((round(place * PHASES) + PHASES // 2) // PHASES, 0), n - 1)
         sample = np.arange(self.width) + middle - self.half

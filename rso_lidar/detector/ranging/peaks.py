@@ -20,9 +20,9 @@ def find_first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
 
     Parameters
     ----------
-    samples : (sample) of one trace.
-    start : first sample to look at.
-    least : lowest sample that can be a peak.
+    samples : (sample) of one trace
+    start : first sample to look at
+    least : lowest sample that can be a peak
 
     Returns
     -------
@@ -90,9 +90,9 @@ def fill_vertices(samples: np.ndarray, peaks: np.ndarray, shift: np.ndarray) -> 
 
     Parameters
     ----------
-    samples : (trace, sample).
-    peaks : (trace) sample of the peak.
-    shift : (trace), written.
+    samples : (trace, sample)
+    peaks : (trace) sample of the peak
+    shift : (trace), written
     """
     for trace in range(len(peaks)):
         shift[trace] = locate_vertex(samples[trace], peaks[trace])
@@ -104,8 +104,8 @@ def find_plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
 
     Parameters
     ----------
-    clipped : (trace, sample), or empty without clipped samples.
-    trace, peak : number of the trace, and sample of the peak.
+    clipped : (trace, sample), or empty without clipped samples
+    trace, peak : number of the trace, and sample of the peak
 
     Returns
     -------
@@ -145,13 +145,13 @@ def find_peaks(
 
     Parameters
     ----------
-    samples : (sample) of one trace.
-    half, height_weights : half window of the filter, and its weights for the height.
-    least : least statistic of a peak.
-    apart : least distance of two peaks [samples].
-    three_sigma : three times the rms noise.
-    statistic : (sample) scratch space.
-    peaks : filled with the samples of the peaks.
+    samples : (sample) of one trace
+    half, height_weights : half window of the filter, and its weights for the height
+    least : least statistic of a peak
+    apart : least distance of two peaks [samples]
+    three_sigma : three times the rms noise
+    statistic : (sample) scratch space
+    peaks : filled with the samples of the peaks
 
     Returns
     -------
@@ -194,9 +194,9 @@ def is_separated(samples: np.ndarray, one: int, other: int, three_sigma: np.floa
 
     Parameters
     ----------
-    samples : (sample) of one trace.
-    one, other : samples of the peaks.
-    three_sigma : three times the rms noise.
+    samples : (sample) of one trace
+    one, other : samples of the peaks
+    three_sigma : three times the rms noise
     """
     lower = min(smooth_sample(samples, one), smooth_sample(samples, other))
     valley = np.float32(np.inf)

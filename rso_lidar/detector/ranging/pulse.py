@@ -23,10 +23,10 @@ class LaserPulse(NamedTuple):
 
     Parameters
     ----------
-    step_s : time between the taps of `power_per_s` [s].
-    power_per_s : (tap) power over energy [1/s].
-    fwhm_s : full width at half maximum [s].
-    timing_jitter_ns : jitter of emission, 1 sigma.
+    step_s : time between the taps of `power_per_s` [s]
+    power_per_s : (tap) power over energy [1/s]
+    fwhm_s : full width at half maximum [s]
+    timing_jitter_ns : jitter of emission, 1 sigma
     """
 
     step_s: float
@@ -40,7 +40,7 @@ class LaserPulse(NamedTuple):
 
         Parameters
         ----------
-        photons : the light.
+        photons : the light
         """
         return LaserPulse(photons.pulse_step_s, photons.pulse_power_per_s, photons.pulse_fwhm_s)
 
@@ -81,10 +81,10 @@ class Pulse:
 
         Parameters
         ----------
-        step_s : time from tap to tap [s].
-        power_per_s : (tap) power over energy of the optical pulse [1/s], area 1; the middle tap is time zero.
-        pole_s : τ of both poles [s]; 0 for an amplifier of unlimited bandwidth.
-        integration_s : the time in which a current counts as charge [s].
+        step_s : time from tap to tap [s]
+        power_per_s : (tap) power over energy of the optical pulse [1/s], area 1; the middle tap is time zero
+        pole_s : τ of both poles [s]; 0 for an amplifier of unlimited bandwidth
+        integration_s : the time in which a current counts as charge [s]
 
         Returns
         -------
@@ -137,8 +137,8 @@ def _tabulate_pulse(step_s: float, taps: np.ndarray, pole_s: float, integration_
 
     Parameters
     ----------
-    step_s, taps : those of the optical pulse [s] and [1/s].
-    pole_s, integration_s : those of the amplifier.
+    step_s, taps : those of the optical pulse [s] and [1/s]
+    pole_s, integration_s : those of the amplifier
 
     Returns
     -------
@@ -200,10 +200,10 @@ def noise_covariance(n: int, sample_s: float, pole_s: float, sigma: float) -> np
 
     Parameters
     ----------
-    n : number of samples.
-    sample_s : time between samples [s].
-    pole_s : τ [s]. With 0 the noise is white.
-    sigma : rms of the noise, in any unit.
+    n : number of samples
+    sample_s : time between samples [s]
+    pole_s : τ [s]. With 0 the noise is white
+    sigma : rms of the noise, in any unit
     """
     lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     if pole_s <= 0.0:
@@ -229,12 +229,12 @@ def crlb_s(
 
     Parameters
     ----------
-    amplitude_counts : amplitude at the pulse's peak.
-    sample_s : time between samples [s].
-    noise : rms of white noise [counts], or the covariance (sample, sample) [counts²] of any noise.
-    phase : distance of the peak behind the middle sample, in samples.
-    samples : number of samples of a trace, if `noise` is a number.
-    pulse : shape of the pulse behind the amplifier.
+    amplitude_counts : amplitude at the pulse's peak
+    sample_s : time between samples [s]
+    noise : rms of white noise [counts], or the covariance (sample, sample) [counts²] of any noise
+    phase : distance of the peak behind the middle sample, in samples
+    samples : number of samples of a trace, if `noise` is a number
+    pulse : shape of the pulse behind the amplifier
     """
     covariance = (
         noise_covariance(samples, sample_s, 0.0, noise) if isinstance(noise, int | float) else np.asarray(noise)

@@ -14,8 +14,8 @@ def tabulate_walk(locator: Locator, full_scale_counts: float) -> tuple[np.ndarra
 
     Parameters
     ----------
-    locator : the algorithm.
-    full_scale_counts : greatest amplitude.
+    locator : the algorithm
+    full_scale_counts : greatest amplitude
 
     Returns
     -------
@@ -43,8 +43,8 @@ def correct_walk(delay_s: np.ndarray, amplitude_counts: np.ndarray, table: tuple
 
     Parameters
     ----------
-    delay_s, amplitude_counts : of the returns, any shape.
-    table : the walk of the algorithm.
+    delay_s, amplitude_counts : of the returns, any shape
+    table : the walk of the algorithm
     """
     amplitudes, bias_s = table
     place = np.log(np.maximum(amplitude_counts, 0.5 * amplitudes[0]))

@@ -24,13 +24,13 @@ def report_returns(
 
     Parameters
     ----------
-    shape : rows and columns.
-    pixel : (trace) number of the pixel.
-    range_m, amplitude : (trace, return) [m] and [counts], near to far, NaN and 0 where there are fewer.
-    clipped : (trace, sample) whether a sample is at the rail.
-    returns : which one is reported: first, strongest or last.
-    max_returns : how many are listed beside it; 1 lists none.
-    full_scale_counts : the greatest amplitude.
+    shape : rows and columns
+    pixel : (trace) number of the pixel
+    range_m, amplitude : (trace, return) [m] and [counts], near to far, NaN and 0 where there are fewer
+    clipped : (trace, sample) whether a sample is at the rail
+    returns : which one is reported: first, strongest or last
+    max_returns : how many are listed beside it; 1 lists none
+    full_scale_counts : the greatest amplitude
     """
     n_pixels = shape[0] * shape[1]
     most = max_returns if max_returns > 1 else 0
@@ -74,13 +74,13 @@ def report_traces(
 
     Parameters
     ----------
-    pixel : (trace) number of the pixel.
-    range_m, amplitude : (trace, return), near to far.
-    clipped : (trace, sample) whether a sample is at the rail.
-    choice : FIRST, STRONGEST or LAST.
-    full_scale : greatest amplitude [counts].
-    one_m, one_counts, saturated : (pixel) filled.
-    several_m, several_counts : (pixel, return) filled.
+    pixel : (trace) number of the pixel
+    range_m, amplitude : (trace, return), near to far
+    clipped : (trace, sample) whether a sample is at the rail
+    choice : FIRST, STRONGEST or LAST
+    full_scale : greatest amplitude [counts]
+    one_m, one_counts, saturated : (pixel) filled
+    several_m, several_counts : (pixel, return) filled
     """
     for trace in range(range_m.shape[0]):
         at, chosen = pixel[trace], -1

@@ -57,7 +57,7 @@ class Amplifier(Part):
 
         Parameters
         ----------
-        frequency_hz : frequencies [Hz].
+        frequency_hz : frequencies [Hz]
         """
         response: np.ndarray = 1.0 / (1.0 + 2j * math.pi * self.pole_s * frequency_hz) ** 2
         return response
@@ -67,7 +67,7 @@ class Amplifier(Part):
 
         Parameters
         ----------
-        lag_s : lags [s].
+        lag_s : lags [s]
         """
         x = np.abs(lag_s) / self.pole_s
         correlation: np.ndarray = (1.0 + x) * np.exp(-x)

@@ -105,8 +105,8 @@ def log_z(w: np.ndarray, gain: float, ionisation_ratio: float) -> np.ndarray:
 
     Parameters
     ----------
-    w : values of the generating function.
-    gain, ionisation_ratio : M and k of the photodiode.
+    w : values of the generating function
+    gain, ionisation_ratio : M and k of the photodiode
     """
     y: np.ndarray = np.log(w) - np.log1p(avalanche_share(gain, ionisation_ratio) * (w - 1.0)) / (1.0 - ionisation_ratio)
     return y

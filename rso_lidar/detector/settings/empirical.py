@@ -185,7 +185,7 @@ class Empirical(Part):
 
         Parameters
         ----------
-        photons : (return) expected photons.
+        photons : (return) expected photons
         """
         shot = self.excess_noise_factor * photons / self.quantum_efficiency
         noise: np.ndarray = np.sqrt(self.noise_equivalent_photons**2 + shot)
@@ -196,7 +196,7 @@ class Empirical(Part):
 
         Parameters
         ----------
-        photons : (return) expected photons.
+        photons : (return) expected photons
 
         Examples
         --------
@@ -216,8 +216,8 @@ class Empirical(Part):
 
         Parameters
         ----------
-        photons : (return) expected photons.
-        pulse_fwhm_s : length of the laser's pulse [s].
+        photons : (return) expected photons
+        pulse_fwhm_s : length of the laser's pulse [s]
         """
         s = pulse_fwhm_s / units.FWHM_PER_SIGMA
         photons = np.maximum(photons, 1e-9)
@@ -232,7 +232,7 @@ class Empirical(Part):
 
         Parameters
         ----------
-        photons : (return) expected photons.
+        photons : (return) expected photons
         """
         linear = self.counts_per_photon * np.maximum(photons, 0.0)
         bent = linear / (1.0 + (linear / self.compression_counts) ** 4) ** 0.25

@@ -43,6 +43,6 @@ class Gate(Part):
 
         Parameters
         ----------
-        sample_s : interval between samples [s].
+        sample_s : interval between samples [s]
         """
         return max(4, round(self.width_ns * units.NS / sample_s))

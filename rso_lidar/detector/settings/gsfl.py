@@ -208,7 +208,7 @@ class Gsfl(Part):
 
         Parameters
         ----------
-        background_photons_per_s : sunlight on the pixel [photons/s].
+        background_photons_per_s : sunlight on the pixel [photons/s]
         """
         rate = self.apd.dark_electrons_per_s + self.quantum_efficiency * background_photons_per_s
         amplifier = self.amplifier
@@ -314,7 +314,7 @@ class Gsfl(Part):
 
         Parameters
         ----------
-        delay_ns : time after emission [ns].
+        delay_ns : time after emission [ns]
 
         Raises
         ------
@@ -330,7 +330,7 @@ class Gsfl(Part):
 
         Parameters
         ----------
-        photons : (return) photons.
+        photons : (return) photons
         """
         per_count = self.readout.electrons_per_count * self.readout.counts_per_intensity
         linear = photons * (self.electrons_per_photon / per_count)
@@ -349,7 +349,7 @@ class Gsfl(Part):
 
         Parameters
         ----------
-        gain : gain of the APD over its gain at rest.
+        gain : gain of the APD over its gain at rest
         """
         apart: dict[str, Any] = {
             "bloom": None,

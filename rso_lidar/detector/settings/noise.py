@@ -14,11 +14,11 @@ def noise_rms(
 
     Parameters
     ----------
-    apd : the photodiode, with M²F.
-    rate_per_s : primary electrons, of any origin [1/s].
-    noise_electrons : rms of the amplifier's own noise [electrons].
-    pole_s : time constant τ of both poles [s].
-    integration_s : time in which a current counts as charge [s].
+    apd : the photodiode, with M²F
+    rate_per_s : primary electrons, of any origin [1/s]
+    noise_electrons : rms of the amplifier's own noise [electrons]
+    pole_s : time constant τ of both poles [s]
+    integration_s : time in which a current counts as charge [s]
     """
     shot = cumulants(apd)[1] * np.asarray(rate_per_s, dtype=float) * integration_s**2 / (4.0 * pole_s)
     rms: np.ndarray = np.sqrt(noise_electrons**2 + shot)

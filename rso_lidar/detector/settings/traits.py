@@ -17,25 +17,25 @@ class DetectorTraits:
 
     Parameters
     ----------
-    sees_to_m : greatest range at which anything is detected [m].
+    sees_to_m : greatest range at which anything is detected [m]
     threshold_photons : photons of a return that is detected in about half of all flashes, if the detector does not lengthen
-        the laser's pulse. `find_photons` counts the pulse.
-    sees_from_m : least range at which anything is detected [m].
-    max_returns : how many returns of a pixel are listed.
-    returns : which return of a pixel is reported as its range and intensity.
-    stored_behind_m : depth behind the first return in which others are still seen [m].
-    saturation_photons : photons of a return from which the intensity no longer rises.
-    clipped_range_photons : photons of a return from which clipping spoils the range, not only the intensity.
-    strong_return_cure : what a user may change in the detector for returns that clip, for advice; empty without a cure.
-    settings : values in force that every frame records, by name, in SI, such as ``gate_delay_s``.
-    has_waveforms : whether `detect` returns Waveforms.
-    has_taps : whether the signals between its stages can be kept.
+        the laser's pulse. `find_photons` counts the pulse
+    sees_from_m : least range at which anything is detected [m]
+    max_returns : how many returns of a pixel are listed
+    returns : which return of a pixel is reported as its range and intensity
+    stored_behind_m : depth behind the first return in which others are still seen [m]
+    saturation_photons : photons of a return from which the intensity no longer rises
+    clipped_range_photons : photons of a return from which clipping spoils the range, not only the intensity
+    strong_return_cure : what a user may change in the detector for returns that clip, for advice; empty without a cure
+    settings : values in force that every frame records, by name, in SI, such as ``gate_delay_s``
+    has_waveforms : whether `detect` returns Waveforms
+    has_taps : whether the signals between its stages can be kept
     is_gated : whether it sees a short window that a plan or a controller moves. Such a detector has a method
-        ``with_gate_delay(delay_ns)`` that returns a copy whose window opens that long after emission.
-    window_keys : settings of the detector that place its window, for advice, such as ``"armed_from_m and armed_to_m"``.
-    pulses : laser pulses that one frame averages.
-    clock_s : time between samples or bins [s]. Trials move their returns evenly over it.
-    samples : samples that a pixel stores of a pulse. Trials of a detector are fewer where these are many.
+        ``with_gate_delay(delay_ns)`` that returns a copy whose window opens that long after emission
+    window_keys : settings of the detector that place its window, for advice, such as ``"armed_from_m and armed_to_m"``
+    pulses : laser pulses that one frame averages
+    clock_s : time between samples or bins [s]. Trials move their returns evenly over it
+    samples : samples that a pixel stores of a pulse. Trials of a detector are fewer where these are many
     """
 
     sees_to_m: float

@@ -52,9 +52,9 @@ def draw_from_table(word: Any, columns_log2: Any, cells: np.ndarray, table: Any,
 
     Parameters
     ----------
-    word : 32 random bits.
-    columns_log2, cells : those of `AliasTable`.
-    table, first : which of its tables, and the value of the first column there.
+    word : 32 random bits
+    columns_log2, cells : those of `AliasTable`
+    table, first : which of its tables, and the value of the first column there
     """
     column = np.uint64(word) >> (np.uint64(32) - np.uint64(columns_log2))
     place = np.uint64(2) * ((np.uint64(table) << np.uint64(columns_log2)) + column)
@@ -70,9 +70,9 @@ def _alias(first: int, weight: np.ndarray, columns_log2: int) -> np.ndarray:
 
     Parameters
     ----------
-    first : value of the first column.
-    weight : (value) whole multiples of one part in 2³².
-    columns_log2 : logarithm of the number of columns.
+    first : value of the first column
+    weight : (value) whole multiples of one part in 2³²
+    columns_log2 : logarithm of the number of columns
     """
     size, share = 1 << columns_log2, _WORD >> columns_log2
     weight = np.concatenate([weight, np.zeros(size - len(weight), dtype=np.int64)])

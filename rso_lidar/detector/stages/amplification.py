@@ -36,9 +36,9 @@ class Filters:
 
         Parameters
         ----------
-        amplifier : the amplifier.
-        n : steps of a row.
-        step_s : length of a step [s].
+        amplifier : the amplifier
+        n : steps of a row
+        step_s : length of a step [s]
         """
         self.n, self.step_s = n, step_s
         self.frequency_hz = np.fft.rfftfreq(n, step_s)
@@ -73,12 +73,12 @@ def amplify(
 
     Parameters
     ----------
-    filters : the amplifier over the steps of a row.
-    quiet : (row, step) mean behind the amplifier [electrons].
-    excess : (row, step) what the electrons before the amplifier are more than their mean [electrons].
-    gain : (row) factor of both.
-    words : (row, step) random words of the amplifier's own noise.
-    amplitude : (row, step) float32, written.
+    filters : the amplifier over the steps of a row
+    quiet : (row, step) mean behind the amplifier [electrons]
+    excess : (row, step) what the electrons before the amplifier are more than their mean [electrons]
+    gain : (row) factor of both
+    words : (row, step) random words of the amplifier's own noise
+    amplitude : (row, step) float32, written
     """
     amplify_rows(quiet, excess, gain, filters.taps, filters.noise_electrons, build_normal_table(), words, amplitude)
 
@@ -98,13 +98,13 @@ def amplify_rows(
 
     Parameters
     ----------
-    quiet, excess : (row, step) mean behind the amplifier, and electrons above their mean before it.
-    gain : (row) factor of both.
-    taps : response of the filter, from step to step.
-    noise_electrons : rms of the white noise of a step before the filter.
-    table : of a normal number.
-    words : (row, step) random words.
-    amplitude : (row, step), written.
+    quiet, excess : (row, step) mean behind the amplifier, and electrons above their mean before it
+    gain : (row) factor of both
+    taps : response of the filter, from step to step
+    noise_electrons : rms of the white noise of a step before the filter
+    table : of a normal number
+    words : (row, step) random words
+    amplitude : (row, step), written
     """
     columns_log2, cells, first = table
     per_value, least = noise_electrons / np.float32(NORMAL_PER_SIGMA), first[0]

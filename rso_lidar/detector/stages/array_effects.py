@@ -14,9 +14,9 @@ def draw_speckle(speckle: Speckle, coherence_cells: np.ndarray, rng: np.random.G
 
     Parameters
     ----------
-    speckle : its settings.
-    coherence_cells : (cluster).
-    rng : random generator.
+    speckle : its settings
+    coherence_cells : (cluster)
+    rng : random generator
     """
     modes = (1.0 + coherence_cells) * (2.0 if speckle.depolarising else 1.0)
     factors: np.ndarray = rng.standard_gamma(modes) / modes
@@ -28,9 +28,9 @@ def limit_amplitude(saturation: Saturation, amplitude: np.ndarray, step_s: float
 
     Parameters
     ----------
-    saturation : rail and recovery.
-    amplitude : (row, step) [electrons].
-    step_s : length of a step [s].
+    saturation : rail and recovery
+    amplitude : (row, step) [electrons]
+    step_s : length of a step [s]
     """
     fade = np.float32(np.exp(-step_s / (saturation.recovery_ns * units.NS)))
     rail = np.float32(saturation.rail_electrons)
@@ -51,10 +51,10 @@ def solve_gain(droop: Droop, electrons: np.ndarray, step_s: float, steady_per_s:
 
     Parameters
     ----------
-    droop : the bias supply.
-    electrons : (step) electrons that all pixels draw in each step at the gain of rest.
-    step_s : length of a step [s].
-    steady_per_s : electrons that have flowed for long before, at the gain of rest [1/s].
+    droop : the bias supply
+    electrons : (step) electrons that all pixels draw in each step at the gain of rest
+    step_s : length of a step [s]
+    steady_per_s : electrons that have flowed for long before, at the gain of rest [1/s]
     """
     from scipy.signal import lfilter
 
@@ -82,10 +82,10 @@ def latch_share(at_s: np.ndarray, latch_s: np.ndarray, clock_s: float, n_pixels:
 
     Parameters
     ----------
-    at_s : (pixel) instants, such as those at which these pixels latch themselves [s].
-    latch_s : (latch) when pixels of the array latched [s].
-    clock_s : time between samples [s].
-    n_pixels : pixels of the array.
+    at_s : (pixel) instants, such as those at which these pixels latch themselves [s]
+    latch_s : (latch) when pixels of the array latched [s]
+    clock_s : time between samples [s]
+    n_pixels : pixels of the array
     """
     order = np.sort(latch_s)
     together = np.searchsorted(order, at_s + clock_s, "right") - np.searchsorted(order, at_s - clock_s)
@@ -98,9 +98,9 @@ def draw_shift_m(crosstalk: Crosstalk, share: np.ndarray, rng: np.random.Generat
 
     Parameters
     ----------
-    crosstalk : its settings.
-    share : (pixel) share of the array that latches with each.
-    rng : random generator.
+    crosstalk : its settings
+    share : (pixel) share of the array that latches with each
+    rng : random generator
     """
     shift: np.ndarray = crosstalk.offset_m * (share - crosstalk.calibrated_fraction)
     shift += crosstalk.noise_m * share * rng.standard_normal(np.shape(share))

@@ -72,10 +72,10 @@ def multiply(primaries: np.ndarray, avalanche: Avalanche, noise: RowNoise, base:
 
     Parameters
     ----------
-    primaries : (row, step) expected photoelectrons of each step, or of one row only (step).
-    avalanche : the photodiode, with its tables.
-    noise : addresses of the random words of the rows.
-    base : what most steps expect (None: the least of all).
+    primaries : (row, step) expected photoelectrons of each step, or of one row only (step)
+    avalanche : the photodiode, with its tables
+    noise : addresses of the random words of the rows
+    base : what most steps expect (None: the least of all)
 
     Returns
     -------
@@ -119,14 +119,14 @@ def multiply_rows(
 
     Parameters
     ----------
-    expected : (row, step) primaries.
-    floor : what most steps expect.
-    tables : of `floor`, of 0, 8, 16, ... primaries, of 0, 1/8, ... 63/8, of a single one, and of a normal number.
-    cumulants : mean, and second and third cumulant of the electrons of a primary.
-    limits : means up to which a draw is exact, and beyond which a parabola gives its skewness.
-    words : (3, row, step) random words: for the tables of many and of few primaries, and for the rest.
-    noise : addresses of more of them.
-    electrons : (row, step), written.
+    expected : (row, step) primaries
+    floor : what most steps expect
+    tables : of `floor`, of 0, 8, 16, ... primaries, of 0, 1/8, ... 63/8, of a single one, and of a normal number
+    cumulants : mean, and second and third cumulant of the electrons of a primary
+    limits : means up to which a draw is exact, and beyond which a parabola gives its skewness
+    words : (3, row, step) random words: for the tables of many and of few primaries, and for the rest
+    noise : addresses of more of them
+    electrons : (row, step), written
     """
     (base_log2, base, base_first), (coarse_log2, coarse, coarse_first) = tables[0], tables[1]
     (fine_log2, fine, fine_first), (single_log2, single, single_first) = tables[2], tables[3]
@@ -213,8 +213,8 @@ def mcintyre_pmf(primaries: int, gain: float, ionisation_ratio: float) -> tuple[
 
     Parameters
     ----------
-    primaries : their number.
-    gain, ionisation_ratio : M and k of the photodiode.
+    primaries : their number
+    gain, ionisation_ratio : M and k of the photodiode
     """
     from scipy.special import gammaln
 
@@ -239,8 +239,8 @@ def compound_pmf(mean_primaries: float, gain: float, ionisation_ratio: float) ->
 
     Parameters
     ----------
-    mean_primaries : expected primaries.
-    gain, ionisation_ratio : M and k of the photodiode.
+    mean_primaries : expected primaries
+    gain, ionisation_ratio : M and k of the photodiode
     """
     from scipy import fft
 
@@ -258,8 +258,8 @@ def _longest(gain: float, ionisation_ratio: float, ones: int = 0, poisson: float
 
     Parameters
     ----------
-    gain, ionisation_ratio : M and k of the photodiode.
-    ones, poisson : a fixed number of primaries, and the mean of a Poisson number.
+    gain, ionisation_ratio : M and k of the photodiode
+    ones, poisson : a fixed number of primaries, and the mean of a Poisson number
     """
     w = 1.0 + (greatest_w(gain, ionisation_ratio) - 1.0) * np.geomspace(1e-7, 1.0, 500)
     exponent = ones * np.log(w) + poisson * (w - 1.0) - math.log(_NEGLIGIBLE)

@@ -25,9 +25,9 @@ class Bridge:
 
         Parameters
         ----------
-        pole_s : time constant of the amplifier [s].
-        step_s : length of a step [s].
-        points : number of points between two steps.
+        pole_s : time constant of the amplifier [s]
+        step_s : length of a step [s]
+        points : number of points between two steps
         """
         known = np.arange(-1.0, 3.0) * step_s / pole_s
         between = np.arange(1, points + 1) / (points + 1.0) * step_s / pole_s
@@ -58,11 +58,11 @@ class Bridge:
 
         Parameters
         ----------
-        amplitude : (row, step) [electrons].
-        mean : (row, step) the amplitude without noise [electrons].
-        row, step : where to draw.
-        sigma : rms of the noise there [electrons].
-        rng : random generator of the noise between the steps.
+        amplitude : (row, step) [electrons]
+        mean : (row, step) the amplitude without noise [electrons]
+        row, step : where to draw
+        sigma : rms of the noise there [electrons]
+        rng : random generator of the noise between the steps
         """
         around = np.clip(step[:, None] + np.arange(-2, 4), 0, amplitude.shape[1] - 1)
         near = around[:, 1:5]
@@ -94,17 +94,17 @@ def find_latches(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons].
-    primaries : (row, step) expected photoelectrons in a step.
-    threshold : (row) [electrons].
-    base_per_s : (row) primaries that no pulse makes [1/s].
-    first, last : (row) the steps from which, and before which, the comparator is watched.
-    arming : (row) whether the pixel is armed at `first`.
-    hysteresis : [electrons].
-    step_s : length of a step [s].
-    quiet_electrons : rms noise without primaries.
-    shot_electrons_rs : rms noise for each root of the rate of primaries [1/s].
-    reach : distance to the threshold that counts as near, in rms noise.
+    amplitude : (row, step) [electrons]
+    primaries : (row, step) expected photoelectrons in a step
+    threshold : (row) [electrons]
+    base_per_s : (row) primaries that no pulse makes [1/s]
+    first, last : (row) the steps from which, and before which, the comparator is watched
+    arming : (row) whether the pixel is armed at `first`
+    hysteresis : [electrons]
+    step_s : length of a step [s]
+    quiet_electrons : rms noise without primaries
+    shot_electrons_rs : rms noise for each root of the rate of primaries [1/s]
+    reach : distance to the threshold that counts as near, in rms noise
     """
     latch = np.empty(len(amplitude), np.int64)
     find_first_crossings(
@@ -147,17 +147,17 @@ def find_first_crossings(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons].
-    primaries : (row, step) expected photoelectrons in a step.
-    threshold : (row) [electrons].
-    base_per_s : (row) primaries that no pulse makes [1/s].
-    first, last : (row) the steps from which, and before which, the comparator is watched.
-    arming : (row) whether the pixel is armed at `first`.
-    hysteresis : [electrons].
-    per_step_s : one over the length of a step [1/s].
-    quiet_square, square_s : mean square of the noise, and what each primary a second adds.
-    reach : in rms noise.
-    latch : (row) written.
+    amplitude : (row, step) [electrons]
+    primaries : (row, step) expected photoelectrons in a step
+    threshold : (row) [electrons]
+    base_per_s : (row) primaries that no pulse makes [1/s]
+    first, last : (row) the steps from which, and before which, the comparator is watched
+    arming : (row) whether the pixel is armed at `first`
+    hysteresis : [electrons]
+    per_step_s : one over the length of a step [1/s]
+    quiet_square, square_s : mean square of the noise, and what each primary a second adds
+    reach : in rms noise
+    latch : (row) written
     """
     for row in range(amplitude.shape[0]):
         level = threshold[row]
@@ -185,8 +185,8 @@ def mark_watched(n_steps: int, first: np.ndarray, last: np.ndarray) -> np.ndarra
 
     Parameters
     ----------
-    n_steps : steps of a row.
-    first, last : (row) the steps from which, and before which, it is watched.
+    n_steps : steps of a row
+    first, last : (row) the steps from which, and before which, it is watched
     """
     step = np.arange(n_steps)
     watched: np.ndarray = (step >= first[:, None]) & (step < last[:, None])
@@ -198,10 +198,10 @@ def mark_near(amplitude: np.ndarray, threshold: np.ndarray, watched: np.ndarray,
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons].
-    threshold : (row) [electrons].
-    watched : (row, step).
-    reach : (row, step) distance that counts as near [electrons].
+    amplitude : (row, step) [electrons]
+    threshold : (row) [electrons]
+    watched : (row, step)
+    reach : (row, step) distance that counts as near [electrons]
     """
     pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
     near: np.ndarray = (pair > threshold[:, None] - reach[:, :-1]) & watched[:, :-1] & watched[:, 1:]
@@ -223,13 +223,13 @@ def find_crossings_between(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons].
-    mean : (row, step) the amplitude without noise [electrons].
-    threshold : (row) [electrons].
-    watched : (row, step) whether the comparator watches.
-    sigma : (row, step) rms of the noise [electrons].
-    bridge : distribution of the noise between two steps.
-    rng : random generator.
+    amplitude : (row, step) [electrons]
+    mean : (row, step) the amplitude without noise [electrons]
+    threshold : (row) [electrons]
+    watched : (row, step) whether the comparator watches
+    sigma : (row, step) rms of the noise [electrons]
+    bridge : distribution of the noise between two steps
+    rng : random generator
     """
     row, step = np.nonzero(mark_near(amplitude, threshold, watched, bridge.reach * bridge.sigma * sigma))
     path = bridge.path(amplitude, mean, row, step, sigma[row, step], rng)
@@ -257,11 +257,11 @@ def refine_crossings(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons].
-    row : (trace) the rows to look at.
-    threshold : (trace) [electrons].
-    latch : (trace) a step at which the row is above; the crossing is before it.
-    earliest : (trace) the first step to look at. A row that is above from there on crosses there.
+    amplitude : (row, step) [electrons]
+    row : (trace) the rows to look at
+    threshold : (trace) [electrons]
+    latch : (trace) a step at which the row is above; the crossing is before it
+    earliest : (trace) the first step to look at. A row that is above from there on crosses there
     """
     crossing = np.empty(len(row))
     cross_edges(
@@ -288,8 +288,8 @@ def cross_edges(
 
     Parameters
     ----------
-    amplitude, row, threshold, latch, earliest : as for `refine_crossings`.
-    crossing : (trace) [steps], written.
+    amplitude, row, threshold, latch, earliest : as for `refine_crossings`
+    crossing : (trace) [steps], written
     """
     level, last = np.float32(math.asinh(8.0)), amplitude.shape[1] - 1
     for trace in range(len(row)):

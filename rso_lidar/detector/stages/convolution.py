@@ -14,8 +14,8 @@ def transform_pulse(pulse_step_s: float, power_per_s: np.ndarray, n: int, step_s
 
     Parameters
     ----------
-    pulse_step_s, power_per_s : taps of the pulse.
-    n, step_s : number of steps, and length of a step [s].
+    pulse_step_s, power_per_s : taps of the pulse
+    n, step_s : number of steps, and length of a step [s]
     """
     time_s = (np.arange(len(power_per_s)) - (len(power_per_s) - 1) / 2.0) * pulse_step_s
     frequency_hz = np.fft.rfftfreq(n, step_s)
@@ -39,8 +39,8 @@ class PulseFilters(NamedTuple):
 
         Parameters
         ----------
-        pulse, amplified : factors of the transform, from light to primaries and to the amplitude.
-        n : number of steps.
+        pulse, amplified : factors of the transform, from light to primaries and to the amplitude
+        n : number of steps
         """
         from scipy.fft import irfft
 
@@ -61,10 +61,10 @@ def convolve_light(
 
     Parameters
     ----------
-    light : (row, step) expected photons, float32.
-    filters : of the pulse, and of the pulse and the amplifier.
-    least_primaries : fewer primaries in a step count as none.
-    primaries, amplitude : (row, step) float32, written.
+    light : (row, step) expected photons, float32
+    filters : of the pulse, and of the pulse and the amplifier
+    least_primaries : fewer primaries in a step count as none
+    primaries, amplitude : (row, step) float32, written
     """
     convolve_rows(light, filters.pulse_response, filters.amplified_response, least_primaries, primaries, amplitude)
 
@@ -82,10 +82,10 @@ def convolve_rows(
 
     Parameters
     ----------
-    light : (row, step) expected photons.
-    pulse, amplified : responses, twice around the circle.
-    least : fewer primaries in a step count as none.
-    primaries, amplitude : (row, step) written.
+    light : (row, step) expected photons
+    pulse, amplified : responses, twice around the circle
+    least : fewer primaries in a step count as none
+    primaries, amplitude : (row, step) written
     """
     n_rows, n = light.shape
     for row in range(n_rows):

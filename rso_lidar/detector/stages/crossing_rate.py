@@ -39,10 +39,10 @@ def false_alarm_rate(
 
     Parameters
     ----------
-    threshold_electrons : [electrons].
-    apd : the photodiode.
-    rate_per_s : primaries of dark current and background [1/s].
-    noise_electrons, pole_s, integration_s : noise, time constant and unit of amplitude of the amplifier.
+    threshold_electrons : [electrons]
+    apd : the photodiode
+    rate_per_s : primaries of dark current and background [1/s]
+    noise_electrons, pole_s, integration_s : noise, time constant and unit of amplitude of the amplifier
     """
     threshold, rate = np.broadcast_arrays(
         np.maximum(np.asarray(threshold_electrons, dtype=float), 0.0), np.asarray(rate_per_s, dtype=float)
@@ -69,9 +69,9 @@ def rice_rate(threshold_electrons: np.ndarray, sigma_electrons: np.ndarray | flo
 
     Parameters
     ----------
-    threshold_electrons : T above the mean [electrons].
-    sigma_electrons : rms σ of the noise [electrons].
-    pole_s : time constant τ of both poles [s].
+    threshold_electrons : T above the mean [electrons]
+    sigma_electrons : rms σ of the noise [electrons]
+    pole_s : time constant τ of both poles [s]
     """
     sigma = np.asarray(sigma_electrons, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -85,10 +85,10 @@ def _crossings(T: np.ndarray, apd: Apd, pulses: np.ndarray, noise: float, peak: 
 
     Parameters
     ----------
-    T : thresholds [electrons].
-    apd : the photodiode.
-    pulses : primaries per τ, for each threshold.
-    noise, peak : rms of the amplifier's noise, and its integration time over τ.
+    T : thresholds [electrons]
+    apd : the photodiode
+    pulses : primaries per τ, for each threshold
+    noise, peak : rms of the amplifier's noise, and its integration time over τ
     """
     if pulses.min() == pulses.max():
         order = np.argsort(T)
@@ -119,9 +119,9 @@ def _pulses(gain: float, ionisation_ratio: float, peak: float, step: float) -> _
 
     Parameters
     ----------
-    gain, ionisation_ratio : gain of the APD, and its ratio of ionisation by holes and electrons.
-    peak : amplitude of one electron [electrons].
-    step : step of the grid [electrons].
+    gain, ionisation_ratio : gain of the APD, and its ratio of ionisation by holes and electrons
+    peak : amplitude of one electron [electrons]
+    step : step of the grid [electrons]
     """
     first, pmf = mcintyre_pmf(1, gain, ionisation_ratio)
     n = first + np.arange(len(pmf), dtype=float)
@@ -157,10 +157,10 @@ def _log_crossings(T: np.ndarray, apd: Apd, pulses: float, noise: float, peak: f
 
     Parameters
     ----------
-    T : thresholds [electrons], ascending.
-    apd : the photodiode.
-    pulses : primaries per τ.
-    noise, peak : rms of the amplifier's noise, and its integration time over τ.
+    T : thresholds [electrons], ascending
+    apd : the photodiode
+    pulses : primaries per τ
+    noise, peak : rms of the amplifier's noise, and its integration time over τ
     """
     sigma = math.sqrt(noise**2 + pulses * cumulants(apd)[1] * peak**2 / 4.0)
     end = math.e * tail_per_electron(apd.gain, apd.ionisation_ratio) / peak

@@ -31,9 +31,9 @@ def rates_per_s(apd: Apd, amplifier: Amplifier, threshold: np.ndarray, base_per_
 
     Parameters
     ----------
-    apd, amplifier : where the noise comes from.
-    threshold : (pixel) [electrons].
-    base_per_s : (pixel) primaries of dark current and sunlight [1/s].
+    apd, amplifier : where the noise comes from
+    threshold : (pixel) [electrons]
+    base_per_s : (pixel) primaries of dark current and sunlight [1/s]
     """
     rates: np.ndarray = false_alarm_rate(
         threshold,
@@ -52,12 +52,12 @@ class Comparators:
 
     Parameters
     ----------
-    apd, amplifier : where the noise comes from.
-    trigger : nominal threshold and hysteresis.
-    pixels : their factors of the threshold, and dark currents.
-    from_s, to_s : begin and end of the armed window [s since emission].
+    apd, amplifier : where the noise comes from
+    trigger : nominal threshold and hysteresis
+    pixels : their factors of the threshold, and dark currents
+    from_s, to_s : begin and end of the armed window [s since emission]
     rates : of false triggers of all pixels, in the dark for None, or under a background of up to 2^level primaries a
-        second; kept by level.
+        second; kept by level
     """
 
     apd: Apd
@@ -85,7 +85,7 @@ def build_comparators(
 
     Parameters
     ----------
-    apd, amplifier, trigger, pixels, from_s, to_s : as for `Comparators`.
+    apd, amplifier, trigger, pixels, from_s, to_s : as for `Comparators`
     """
 
     @lru_cache(maxsize=8)
@@ -106,9 +106,9 @@ def draw_first_false(
 
     Parameters
     ----------
-    armed : the comparators.
-    sunlight_per_s : (pixel) primaries of the background [1/s], None without.
-    rng : random generator.
+    armed : the comparators
+    sunlight_per_s : (pixel) primaries of the background [1/s], None without
+    rng : random generator
 
     Returns
     -------
@@ -136,9 +136,9 @@ def draw_first_crossings(
 
     Parameters
     ----------
-    sums_per_s : (pixel) cumulative sum of the rates [1/s].
-    from_s, to_s : span of time [s].
-    rng : random generator.
+    sums_per_s : (pixel) cumulative sum of the rates [1/s]
+    from_s, to_s : span of time [s]
+    rng : random generator
     """
     if sums_per_s[-1] * (to_s - from_s) <= len(sums_per_s):
         return _firsts(*draw_crossings(sums_per_s, from_s, to_s, rng))
@@ -159,9 +159,9 @@ def draw_crossings(
 
     Parameters
     ----------
-    sums_per_s : (pixel) cumulative sum of the rates [1/s].
-    from_s, to_s : span of time [s].
-    rng : random generator.
+    sums_per_s : (pixel) cumulative sum of the rates [1/s]
+    from_s, to_s : span of time [s]
+    rng : random generator
     """
     total = float(sums_per_s[-1])
     n = int(rng.poisson(total * (to_s - from_s)))
@@ -208,10 +208,10 @@ def _find_rates(
 
     Parameters
     ----------
-    apd, amplifier : sources of the noise.
-    threshold_electrons : nominal threshold [electrons].
-    camera : the pixels, with their thresholds and dark currents.
-    level : binary logarithm of the greatest background [1/s]; None for the dark.
+    apd, amplifier : sources of the noise
+    threshold_electrons : nominal threshold [electrons]
+    camera : the pixels, with their thresholds and dark currents
+    level : binary logarithm of the greatest background [1/s]; None for the dark
     """
     threshold, dark = threshold_electrons * camera.threshold, camera.dark_per_s
     brightest = dark if level is None else dark + 2.0**level
@@ -247,11 +247,11 @@ def draw_false_traces(
 
     Parameters
     ----------
-    apd, amplifier, readout : where the noise comes from, and what is stored.
-    crossing_s : (trace) when the noise crosses [s since emission].
-    threshold : (trace) [electrons].
-    base_per_s : (trace) primaries of dark current and sunlight [1/s].
-    rng : random generator.
+    apd, amplifier, readout : where the noise comes from, and what is stored
+    crossing_s : (trace) when the noise crosses [s since emission]
+    threshold : (trace) [electrons]
+    base_per_s : (trace) primaries of dark current and sunlight [1/s]
+    rng : random generator
 
     Returns
     -------
@@ -282,11 +282,11 @@ def draw_onward(
 
     Parameters
     ----------
-    value, slope : (trace) of the noise before the first sample.
-    first_lag : (trace) from there to the first sample.
-    lag : from each sample to the next.
-    n : number of samples.
-    rng : random generator.
+    value, slope : (trace) of the noise before the first sample
+    first_lag : (trace) from there to the first sample
+    lag : from each sample to the next
+    n : number of samples
+    rng : random generator
 
     Returns
     -------
@@ -320,10 +320,10 @@ def continue_noise(
 
     Parameters
     ----------
-    value, slope : (trace) before the first sample.
-    first_lag, lag : (trace) to the first sample, and from each sample to the next [poles].
-    white : (sample, 2, trace) standard normal numbers.
-    samples : (sample, trace) written.
+    value, slope : (trace) before the first sample
+    first_lag, lag : (trace) to the first sample, and from each sample to the next [poles]
+    white : (sample, 2, trace) standard normal numbers
+    samples : (sample, trace) written
     """
     later = noise_factors(lag)
     for trace in range(len(value)):

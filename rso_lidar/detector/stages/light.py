@@ -17,10 +17,10 @@ def spread_light(photons: Photons, rows: Rows, step_s: float, factors: np.ndarra
 
     Parameters
     ----------
-    photons : the light.
-    rows : stretches of time to fill, all rows of some pixels.
-    step_s : length of a step [s].
-    factors : (return) multiply the photons, where given.
+    photons : the light
+    rows : stretches of time to fill, all rows of some pixels
+    step_s : length of a step [s]
+    factors : (return) multiply the photons, where given
     """
     grid = np.zeros((len(rows.pixel), rows.length), np.float32)
     if not len(grid):
@@ -63,13 +63,13 @@ def share_returns(
 
     Parameters
     ----------
-    pixel, delay_s, photons, depth_spread_s : (return) those of `Photons`.
-    late_s : delay of the whole flash [s].
-    step_s : length of a step [s].
-    widest : steps; a deeper return is cut into several.
-    row_pixel, row_start : (row) those of `Rows`.
-    last : no return begins after this step.
-    grid : (row, step) expected photons, added to.
+    pixel, delay_s, photons, depth_spread_s : (return) those of `Photons`
+    late_s : delay of the whole flash [s]
+    step_s : length of a step [s]
+    widest : steps; a deeper return is cut into several
+    row_pixel, row_start : (row) those of `Rows`
+    last : no return begins after this step
+    grid : (row, step) expected photons, added to
     """
     n_rows, row, steps_per_s, last = len(row_pixel), 0, 1.0 / step_s, min(last, grid.shape[1] - 3)
     for k in range(len(pixel)):
@@ -110,7 +110,7 @@ def share_sixths(x1: np.ndarray, x2: np.ndarray, x3: np.ndarray) -> tuple[np.nda
 
     Parameters
     ----------
-    x1, x2, x3 : means of x, x² and x³ over the return.
+    x1, x2, x3 : means of x, x² and x³ over the return
     """
     return 3.0 * x2 - x3 - 2.0 * x1, 3.0 * (x3 - 2.0 * x2 - x1) + 6.0, 3.0 * (x2 - x3) + 6.0 * x1, x3 - x1
 

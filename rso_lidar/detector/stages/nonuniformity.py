@@ -35,11 +35,11 @@ def draw_pixels(
 
     Parameters
     ----------
-    n_pixels : pixels of the array.
-    seed : random seed.
-    apd : with the dark current of most pixels.
-    threshold_spread : 1 sigma over the nominal threshold.
-    maps, defects : fixed patterns, and dead and hot pixels; None without.
+    n_pixels : pixels of the array
+    seed : random seed
+    apd : with the dark current of most pixels
+    threshold_spread : 1 sigma over the nominal threshold
+    maps, defects : fixed patterns, and dead and hot pixels; None without
     """
     drawn = [np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(k,)))) for k in range(5)]
     threshold, gain, offset, t0 = (rng.standard_normal(n_pixels) for rng in drawn[:4])

@@ -57,10 +57,10 @@ def copy_shared(drawn: np.ndarray, row: np.ndarray, lag: np.ndarray, shared: np.
 
     Parameters
     ----------
-    drawn : (row, step) u4, changed in place.
-    row : (overlap) rows that overlap the row before.
-    lag : (overlap) steps by which they begin later.
-    shared : (overlap) number of shared steps.
+    drawn : (row, step) u4, changed in place
+    row : (overlap) rows that overlap the row before
+    lag : (overlap) steps by which they begin later
+    shared : (overlap) number of shared steps
     """
     for k in range(len(row)):
         for step in range(shared[k]):

@@ -28,8 +28,8 @@ class RowNoise(NamedTuple):
 
         Parameters
         ----------
-        rows : stretches of time of pixels.
-        rng : the frame's generator.
+        rows : stretches of time of pixels
+        rng : the frame's generator
         """
         return RowNoise(draw_key(rng), packed(rows.pixel, np.int64), packed(rows.start, np.int64))
 
@@ -42,8 +42,8 @@ class RowNoise(NamedTuple):
 
         Parameters
         ----------
-        stage, n_stages : the first stage, and how many.
-        n_steps : steps of a row. The number of words is the next multiple of four.
+        stage, n_stages : the first stage, and how many
+        n_steps : steps of a row. The number of words is the next multiple of four
         """
         words = np.empty((n_stages, len(self.pixel), -(-n_steps // 4) * 4), np.uint32)
         fill_rows(self.key, self.start, self.pixel, stage, words)
@@ -56,9 +56,9 @@ def fill_rows(key: np.ndarray, start: np.ndarray, pixel: np.ndarray, stage: int,
 
     Parameters
     ----------
-    key, start, pixel : those of `RowNoise`.
-    stage : the first of the stages.
-    words : (stage, row, step) uint32, written; a multiple of four steps.
+    key, start, pixel : those of `RowNoise`
+    stage : the first of the stages
+    words : (stage, row, step) uint32, written; a multiple of four steps
     """
     for k in range(words.shape[0]):
         for row in range(words.shape[1]):

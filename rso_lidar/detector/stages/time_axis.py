@@ -77,11 +77,11 @@ def make_plan(
 
     Parameters
     ----------
-    readout : samples that are stored about a latch.
-    amplifier : its time constant decides how long the past counts.
-    pulse_fwhm_s : length of the pulse [s].
-    steps_per_sample : least number of steps between samples.
-    earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light.
+    readout : samples that are stored about a latch
+    amplifier : its time constant decides how long the past counts
+    pulse_fwhm_s : length of the pulse [s]
+    steps_per_sample : least number of steps between samples
+    earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light
     """
     sample_s, pole_s = readout.sample_s, amplifier.pole_s
     # With 6.5 steps to a pulse, detection moves by less than 0.1 % from there to three times as many.
@@ -109,10 +109,10 @@ def place_rows(
 
     Parameters
     ----------
-    photons : the light.
-    plan : layout of the axis of time.
-    least_photons : pixels that get no more than this have no rows.
-    sure_photons : after a row that gets more than this early enough, a pixel has no other, for it will have latched.
+    photons : the light
+    plan : layout of the axis of time
+    least_photons : pixels that get no more than this have no rows
+    sure_photons : after a row that gets more than this early enough, a pixel has no other, for it will have latched
 
     Returns
     -------
@@ -152,12 +152,12 @@ def find_rows(
 
     Parameters
     ----------
-    timing_s : lateness, longest half depth, rise, fall, step.
-    steps : steps to a sample, before a latch, watched.
-    enough : least photons of a pixel that has rows; photons of a row after which a pixel has no other.
+    timing_s : lateness, longest half depth, rise, fall, step
+    steps : steps to a sample, before a latch, watched
+    enough : least photons of a pixel that has rows; photons of a row after which a pixel has no other
     pixel, delay_s, photons, depth_spread_s : (return) pixel, delay [s], expected photons, and time over which the
-        surface stretches it [s].
-    table : (3, row) i8: pixel, start and first of each row, written.
+        surface stretches it [s]
+    table : (3, row) i8: pixel, start and first of each row, written
     """
     late_s, longest_s, rise_s, fall_s, step_s = timing_s
     per_sample, before, watched_steps = steps
@@ -210,9 +210,9 @@ def place_gate_rows(gate: Gate, readout: Readout, plan: SamplingPlan, n_pixels: 
 
     Parameters
     ----------
-    gate, readout : what is stored.
-    plan : layout of the axis of time.
-    n_pixels : pixels of the array.
+    gate, readout : what is stored
+    plan : layout of the axis of time
+    n_pixels : pixels of the array
 
     Returns
     -------

@@ -52,7 +52,7 @@ def find_navigation_lidar(
     require_scenario(scenario, "find_navigation_lidar")
     low, high = (float(limit) for limit in range_m)
     if not (0.0 < low < high and math.isfinite(high)):
-        raise ScenarioError(f"range_m: {low:g} m to {high:g} m is no interval of ranges: give two, ascending, above 0")
+        raise ScenarioError(f"range_m: {low:g} m to {high:g} m is no interval of ranges; give two, ascending, above 0")
     lens = scenario.instrument.at(at_s).replace(schedule=None)
     fixed = scenario.replace(lidar=lens)
     grid = np.geomspace(low, high, _RANGES)

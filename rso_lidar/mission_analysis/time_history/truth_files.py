@@ -70,9 +70,8 @@ def save_truth(
         For a figure, a body or an interval that the scenario does not have, and for a globe or an ephemeris of a local
         world.
     """
-    output = check_writable(path, _SUFFIXES, overwrite=overwrite)
-    suffix = output.suffix.lower()
-    kind = _choose_kind(figure, suffix)
+    output = check_truth_output(path, figure=figure, overwrite=overwrite)
+    suffix, kind = output.suffix.lower(), figure or _FIGURES[0]
     frames = np.arange(0, scenario.time.n_frames, _compute_stride(every_s, scenario))
     frames = np.union1d(frames, scenario.time.n_frames - 1)  # the last frame too, so that a table covers the whole run
     if suffix in FIGURE_SUFFIXES:
@@ -91,15 +90,34 @@ def save_truth(
     return output
 
 
-def _choose_kind(figure: str | None, suffix: str) -> str:
+def check_truth_output(path: str | Path, *, figure: str | None = None, overwrite: bool = False) -> Path:
+    """Check that `save_truth` can write an output, before a scenario is loaded for it.
+
+    Parameters
+    ----------
+    path, figure, overwrite : as for `save_truth`
+
+    Returns
+    -------
+    Path
+        Of the output.
+
+    Raises
+    ------
+    RecordingError
+        For another suffix, or a path that cannot be written.
+    ScenarioError
+        For a figure that there is not.
+    """
+    output = check_writable(path, _SUFFIXES, overwrite=overwrite)
     if figure is None:
-        return _FIGURES[0]
-    if suffix not in FIGURE_SUFFIXES:
+        return output
+    if output.suffix.lower() not in FIGURE_SUFFIXES:
         raise ScenarioError(f"figure {figure}: is for pictures; end the output with .png, or leave it out")
     if figure not in _FIGURES:
         guess = did_you_mean(figure, _FIGURES)
         raise ScenarioError(f"figure {figure}: no such picture{guess} (known: {', '.join(_FIGURES)})")
-    return figure
+    return output
 
 
 def _compute_stride(every_s: float | None, scenario: Scenario) -> int:

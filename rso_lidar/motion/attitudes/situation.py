@@ -27,7 +27,7 @@ class Orientation:
     rotation : axes_from_body, single or (time)
     rate_rad_s : (…, 3) angular velocity relative to those axes, in body axes [rad/s]
     in_origin : whether those axes are the ones at the body's origin, and not the root's. They are its rtn axes if it
-        orbits, and the axes of its host if it is attached to one.
+        orbits, and the axes of its host if it is attached to one
     """
 
     rotation: Rotation
@@ -74,7 +74,7 @@ class Situation:
     root_from_origin : rotation of the axes at its origin (rtn axes where it orbits), single or (time)
     origin_rate_rad_s : their angular velocity, in those axes [rad/s]
     sun_m : vector from the root's origin to the Sun [m]; None without one. In a local world, which has no Earth, it is
-        a direction of length 1 AU, the same for every body.
+        a direction of length 1 AU, the same for every body
     local : whether the world is local
     line : called with the name of a body or of axes, gives the vector to it [m] and the rate of that vector [m/s]
     at : called with other epochs, gives the same body's situation then

@@ -217,7 +217,7 @@ class SlewProfile:
     ramp_s : duration of the acceleration, and of the deceleration [s]
     coast_s : duration of the constant rate [s]
     way : rotation vectors (grid, 3) from the first law to the second at `grid_s` [rad]. They decide which of the two
-        ways round applies between; None for the shorter.
+        ways round applies between; None for the shorter
     """
 
     start_s: float

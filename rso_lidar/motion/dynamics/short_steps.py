@@ -33,7 +33,7 @@ class ShortSolution:
 
     Parameters
     ----------
-    f : ``f(t, x (n,), u) -> (n,)`` with t in seconds. It may fail; `OdeSolution` then finds out where.
+    f : ``f(t, x (n,), u) -> (n,)`` with t in seconds. It may fail; `OdeSolution` then finds out where
     begin_s : t at the start [s]
     x0 : (n,) state at the start
     inputs : u, constant

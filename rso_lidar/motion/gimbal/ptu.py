@@ -165,8 +165,8 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
     state : at the previous flash
     demand : of the scenario, the same function at every step
     until_s : instant of the next flash, not before `state.time_s` [s]. Between ticks, a copy of the state at the
-        previous tick is advanced, so that the grid does not depend on flashes.
-    command : given at `state.time_s`, it holds until `until_s`. An axis that is None, or no command, keeps the demand.
+        previous tick is advanced, so that the grid does not depend on flashes
+    command : given at `state.time_s`, it holds until `until_s`. An axis that is None, or no command, keeps the demand
 
     Returns
     -------

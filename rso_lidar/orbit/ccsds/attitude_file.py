@@ -91,7 +91,7 @@ def read_attitudes(file: str, wanted: str | None, axes: str | None) -> tuple[Att
     ----------
     file : path of the file
     wanted : name or identifier of one object of an AEM; None for the only one
-    axes : axes of a CSV table, "inertial", "rtn" or "lvlh_ccsds"; None for inertial. Those of an AEM are stated in it.
+    axes : axes of a CSV table, "inertial", "rtn" or "lvlh_ccsds"; None for inertial. Those of an AEM are stated in it
 
     Returns
     -------

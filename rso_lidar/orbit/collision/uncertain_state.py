@@ -24,7 +24,7 @@ class UncertainState:
     ----------
     position_m, velocity_m_s : (3,) in inertial axes [m], [m/s]
     covariance : (6, 6) of position and velocity in the same axes [m2, m2/s, m2/s2], or (3, 3) of position alone [m2].
-        Without its part, the velocity counts as known exactly.
+        Without its part, the velocity counts as known exactly
 
     Raises
     ------

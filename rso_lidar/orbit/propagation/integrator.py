@@ -43,7 +43,7 @@ class OdeSolution:
     jumps : ``(time_s, jump)`` at which x becomes ``jump(x)``; time_s > 0
     breaks : further instants [s] at which f is not smooth, such as the start of a burn
     phase : ``phase(t, x (n,))`` is a number that changes where f is not smooth, such as at the edge of a shadow; a step
-        ends at each change. The estimate of a step's error can miss such an edge by chance.
+        ends at each change. The estimate of a step's error can miss such an edge by chance
     name : what errors call the integration
     """
 

@@ -20,7 +20,7 @@ class PlannedLeg:
     end_s : end of the leg [s]
     ended_by : the condition that ended it, or "plan" for its own end
     delta_v_m_s : its impulses and continuous thrust [m/s]. An impulse between two legs belongs to the later one, if that
-        needs a velocity other than the one with which the earlier operation ends.
+        needs a velocity other than the one with which the earlier operation ends
     nearest_m : least distance to the body [m]
     """
 

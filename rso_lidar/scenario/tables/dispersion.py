@@ -42,7 +42,7 @@ class ElementSetErrors(Part):
     @model_validator(mode="after")
     def _one_selection(self) -> Self:
         if self.name is not None and self.norad_id is not None:
-            raise ValueError("name and norad_id both choose the object: give one")
+            raise ValueError("name and norad_id both choose the object; give one")
         return self
 
 
@@ -73,22 +73,22 @@ class StateErrors(Part):
     def _is_covariance(self) -> Self:
         for key in ("position_sigma_m", "velocity_sigma_m_s"):
             if min(getattr(self, key)) < 0.0:
-                raise ValueError(f"{key}: a standard deviation is negative: give 0 or more")
+                raise ValueError(f"{key}: a standard deviation is negative; give 0 or more")
         stated = [key for key in ("position_sigma_m", "velocity_sigma_m_s") if any(getattr(self, key))]
         if self.start is not None and (stated or self.covariance is not None):
-            raise ValueError(f"start: stands in place of {(stated or ['covariance'])[0]}: leave that out")
+            raise ValueError(f"start: stands in place of {(stated or ['covariance'])[0]}; leave that out")
         if self.covariance is None:
             self._warn_of_units("position_sigma_m", "velocity_sigma_m_s")
             return self
         if any(self.position_sigma_m) or any(self.velocity_sigma_m_s):
-            raise ValueError("covariance: stands in place of position_sigma_m and velocity_sigma_m_s: leave these out")
+            raise ValueError("covariance: stands in place of position_sigma_m and velocity_sigma_m_s; leave these out")
         matrix = np.array(self.covariance)
         scale = np.sqrt(np.abs(np.diag(matrix)))
         unit = matrix / np.where(np.outer(scale, scale) > 0.0, np.outer(scale, scale), 1.0)
         if np.abs(unit - unit.T).max() > _ROUNDING:
-            raise ValueError("covariance: is not symmetric: give the same number on both sides of the diagonal")
+            raise ValueError("covariance: is not symmetric; give the same number on both sides of the diagonal")
         if np.linalg.eigvalsh(unit).min() < -_ROUNDING * 6 or np.abs(matrix[scale == 0.0]).max(initial=0.0) > 0.0:
-            raise ValueError("covariance: is not positive semidefinite, so it is no covariance: correct it")
+            raise ValueError("covariance: is not positive semidefinite, so it is no covariance; correct it")
         self._warn_of_units("covariance", "covariance")
         return self
 
@@ -104,12 +104,12 @@ class StateErrors(Part):
         if speed_m_s > _MOST_M_S:
             warn(
                 f"{velocity}: a sigma of {speed_m_s:g} m/s is more than the {_MOST_M_S:g} m/s of a lost object; as "
-                f"mm/s it would be {speed_m_s / 1000.0:g} m/s: give m/s"
+                f"mm/s it would be {speed_m_s / 1000.0:g} m/s; give m/s"
             )
         if place_m > _MOST_M:
             warn(
                 f"{position}: a sigma of {place_m:g} m is more than the {_MOST_M:g} m of a lost object; as mm "
-                f"it would be {place_m / 1000.0:g} m: give m"
+                f"it would be {place_m / 1000.0:g} m; give m"
             )
         if self.covariance is not None and 0.0 < place_m < _LEAST_M and 0.0 < speed_m_s < _LEAST_M_S:
             warn(
@@ -146,11 +146,11 @@ class TargetErrors(StateErrors):
     def _are_deviations(self) -> Self:
         for key in ("attitude_sigma_deg", "rate_sigma_deg_s"):
             if min(getattr(self, key)) < 0.0:
-                raise ValueError(f"{key}: a standard deviation is negative: give 0 or more")
+                raise ValueError(f"{key}: a standard deviation is negative; give 0 or more")
         if max(self.attitude_sigma_deg) > MOST_ATTITUDE_DEG:
             raise ValueError(
                 f"attitude_sigma_deg: {max(self.attitude_sigma_deg):g} is over {MOST_ATTITUDE_DEG:g}, where rotations about "
-                "three axes are no longer independent: give less"
+                "three axes are no longer independent; give less"
             )
         return self
 

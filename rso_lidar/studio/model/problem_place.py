@@ -52,7 +52,7 @@ def find_line(text: str, place: str) -> int | None:
 
     Parameters
     ----------
-    place : dotted key, such as ``target[0].motion.file``.
+    place : dotted key, such as ``target[0].motion.file``
 
     >>> find_line('[lidar]\n[lidar.laser]\nenergy_mj = 5', "lidar.laser.energy_mj")
     3

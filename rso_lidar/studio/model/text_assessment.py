@@ -18,7 +18,7 @@ from rso_lidar.units import format_count
 
 _CODE = re.compile(r"\bdynamics\b|\bfmu\b", re.IGNORECASE)  # fields and files that hold Python or native code
 
-_STUDY = "a trade study or a dataset, not a scenario: choose it as the job on page Run, and start it"
+_STUDY = "a trade study or a dataset, not a scenario; choose it as the job on page Run, and start it"
 _CODE_REFUSED = "the studio runs none of a file; fly it with `rso-lidar run` on the command line"
 
 

@@ -116,7 +116,7 @@ class BuildPage:
         with self._fields:
             if not document.is_toml:
                 ui.label(
-                    "The text is not TOML, or too long for forms: correct it at the right; the forms return."
+                    "The text is not TOML, or too long for forms; correct it at the right; the forms return."
                 ).classes("text-negative")
                 return
             if not document.text.strip():

@@ -90,8 +90,8 @@ def find_nominal_flight(
 
     Parameters
     ----------
-    chief : name of the body that is approached, whose rtn axes count.
-    until_s : last instant of interest [s].
+    chief : name of the body that is approached, whose rtn axes count
+    until_s : last instant of interest [s]
 
     Raises
     ------

@@ -80,7 +80,8 @@ class RowFile:
 
     def add(self, row: Row) -> None:
         """Save a row; when this returns, it survives a kill of the process."""
-        assert self._file is not None
+        if self._file is None:
+            raise ScenarioError("working: its file of rows is not open; enter the TradeRun with `with`")
         with self._written():
             self._file.write((json.dumps(row) + "\n").encode())
             self._file.flush()

@@ -37,7 +37,7 @@ class NavigationFilter:
     Parameters
     ----------
     estimate : at the start, with its covariance
-    gyro, star_tracker, gnss, relative_gnss : sensors whose samples will be given. Their models supply all noise.
+    gyro, star_tracker, gnss, relative_gnss : sensors whose samples will be given. Their models supply all noise
 
     Other Parameters
     ----------------

@@ -17,7 +17,7 @@ def accelerate(position_m: np.ndarray, *, oblate: bool) -> np.ndarray:
     Parameters
     ----------
     position_m : (3) in inertial axes [m]
-    oblate : whether J2 is included (Vallado 4th ed., eq. 8-29).
+    oblate : whether J2 is included (Vallado 4th ed., eq. 8-29)
     """
     square = float(position_m @ position_m)
     pull = -_GM / (square * np.sqrt(square)) * position_m

@@ -161,7 +161,7 @@ class PoseFollower:
         points_m : points (n, 3) in lidar axes [m]
         axes_from_lidar : attitude of the lidar in axes that do not turn
         half_field_rad : half of the field of view [rad], as in `icp.misfit_m`; parts of the model outside it are not
-            compared with the points. Infinite for a target that is entirely inside.
+            compared with the points. Infinite for a target that is entirely inside
 
         Returns
         -------

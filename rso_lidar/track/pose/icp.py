@@ -70,7 +70,7 @@ def align(
     guess : lidar_from_body to start from
     steps : greatest number of steps
     hinge_sigmas_rad : standard deviation of the guess of each hinge by name [rad]. A hinge that is not named has that of an
-        angle of which nothing is known, uniform over the circle: 104 degrees. A hinge that no point shows keeps its guess.
+        angle of which nothing is known, uniform over the circle: 104 degrees. A hinge that no point shows keeps its guess
 
     Returns
     -------
