@@ -11,9 +11,8 @@ from rso_lidar.part import Part
 from rso_lidar.records import Record
 
 ROOMS = (  # in the order in which a reader needs them
-    "simulation", "scenario", "records", "export", "orbit", "rpo", "motion", "sensors", "scene", "scene.library", "optics",
-    "detector", "track", "study", "dataset", "dataset.torch", "loop", "fmi", "picture", "records.taxonomy", "errors",
-    "units",
+    "simulation", "scenario", "records", "export", "orbit", "rpo", "motion", "sensors", "scene", "optics",
+    "detector", "track", "study", "dataset", "dataset.torch", "loop", "fmi", "picture", "errors", "units",
 )  # fmt: skip
 FIRST = {  # names with which to begin, of rooms with many
     "records": ("Frame", "Observation", "Reading", "Labels", "Truth", "Command"),
@@ -49,6 +48,15 @@ def kind_of(value: object) -> str:
     return "Records" if issubclass(value, Record) else "Classes"
 
 
+def home_of(room: str, name: str) -> str:
+    """Return the room on whose page a name is explained: that of its module, if that exports it too, else `room`."""
+    value = getattr(importlib.import_module(f"rso_lidar.{room}"), name)
+    home = getattr(value, "__module__", "").removeprefix("rso_lidar.").partition(".")[0]
+    if inspect.ismodule(value) or home not in ROOMS:
+        return room
+    return home if getattr(importlib.import_module(f"rso_lidar.{home}"), name, None) is value else room
+
+
 def first_line(value: object) -> str:
     """Return the first sentence of a docstring."""
     documented = inspect.getdoc(value) or ""
@@ -69,6 +77,7 @@ def room_page(room: str) -> str:
     if first := FIRST.get(room):
         lines += ["Begin with " + ", ".join(f":py:obj:`{name} <{path}.{name}>`" for name in first) + ".", ""]
     grouped: dict[str, list[str]] = {kind: [] for kind in KINDS}
+    elsewhere = {name: home for name in exported(module) if (home := home_of(room, name)) != room}
     for name in exported(module):
         value = getattr(module, name)
         if not inspect.ismodule(value):
@@ -82,10 +91,11 @@ def room_page(room: str) -> str:
             continue
         lines += [".. list-table::", "   :class: api-overview", "   :widths: 30 70", ""]
         for name in names:
-            lines += [f"   * - :py:obj:`{name} <{path}.{name}>`", f"     - {first_line(getattr(module, name))}"]
+            place = f"rso_lidar.{elsewhere.get(name, room)}.{name}"
+            lines += [f"   * - :py:obj:`{name} <{place}>`", f"     - {first_line(getattr(module, name))}"]
         lines.append("")
         directive = "autofunction" if kind == "Functions" else "autoclass"
-        for name in names:
+        for name in [name for name in names if name not in elsewhere]:
             lines += [f".. {directive}:: {path}.{name}"]
             if directive == "autoclass":
                 lines += ["   :members:", "   :show-inheritance:"]

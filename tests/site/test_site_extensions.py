@@ -110,7 +110,7 @@ def test_every_name_of_rl_is_on_a_page_of_the_api():
         page = pages.room_page(room)
         module = importlib.import_module(f"rso_lidar.{room}")
         names = [name for name in pages.exported(module) if not inspect.ismodule(getattr(module, name))]
-        assert [name for name in names if f"rso_lidar.{room}.{name}" not in page] == []
+        assert [name for name in names if f"rso_lidar.{pages.home_of(room, name)}.{name}" not in page] == []
 
 
 def test_fields_of_parts_and_records_have_their_meaning():
