@@ -174,7 +174,6 @@ class DatasetPlan:
 
         Parameters
         ----------
-        one, k : the class, and its index
         number : (sample) numbers in the class
         """
         rule = self.spec.split

@@ -127,7 +127,7 @@ def write_table(
 
     Parameters
     ----------
-    path, frames, sensor, utc, overwrite : as for `write_csv`
+    frames, sensor, utc : as for `write_csv`
     """
     place = check_writable(path, overwrite=overwrite)
     check_parquet(place)

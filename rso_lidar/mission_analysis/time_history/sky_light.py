@@ -65,7 +65,7 @@ def _tabulate_angles(scenario: Scenario, truth: Truth, frames: np.ndarray) -> di
 
     Parameters
     ----------
-    scenario, truth, frames : as for `tabulate_sky`
+    frames : as for `tabulate_sky`
     """
     position_m = np.broadcast_to(truth.states["follower"].position_m, (frames.size, 3))
     ahead = rotate_vectors(truth.poses.place(ROOT, "lidar")[1], np.array([0.0, 0.0, 1.0]))

@@ -92,7 +92,7 @@ def matrix_from_state(
 
     Parameters
     ----------
-    state, attitude_state, label, time_s : as for `attitude_from_state`
+    state, time_s : as for `attitude_from_state`
 
     Returns
     -------

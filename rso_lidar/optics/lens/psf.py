@@ -292,7 +292,7 @@ def _shares(
 
     Parameters
     ----------
-    psf, pitch_m, sub, wavelength_m, f_number, field_rad, azimuth_rad, reach, margin : as for `pixel_shares`
+    sub, field_rad, azimuth_rad, reach, margin : as for `pixel_shares`
     _stamped : path and state of each file of the kernel, the key of the cache
 
     Returns

@@ -235,7 +235,7 @@ def spread_steady_light(
     ----------
     pixel, rate_per_s : (source) pixel, and photons per second
     place : (source) where in its pixel each source is, from the upper edge and from the left one
-    zone, zones, shares, beyond, n_rows, n_cols : as for `spread_groups`
+    zone, shares, beyond, n_rows, n_cols : as for `spread_groups`
 
     Returns
     -------

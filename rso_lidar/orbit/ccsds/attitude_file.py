@@ -114,7 +114,7 @@ def _read_file(
 
     Parameters
     ----------
-    path, wanted, axes : as for `read_attitudes`
+    wanted, axes : as for `read_attitudes`
     _modified_ns, _size : modification time and size of the file, the key of the cache
     """
     text = read_table_text(path)

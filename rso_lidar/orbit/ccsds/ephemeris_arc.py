@@ -86,7 +86,7 @@ class EphemerisArc(TableSegment):
         Parameters
         ----------
         time_s : (time,) instants since the segment's start, within its rows [s]
-        method, degree : see `choose`
+        degree : see `choose`
         """
         if method == "hermite":
             assert self.velocity_m_s is not None

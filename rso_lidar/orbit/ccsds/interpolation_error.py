@@ -298,7 +298,7 @@ def _advise(arc: EphemerisArc, method: str, degree: int, errors: IntervalErrors,
 
     Parameters
     ----------
-    arc, errors, k : as for `_describe`
+    errors, k : as for `_describe`
     method, degree : of the interpolation, such as `hermite` and 7
     """
     natural = "lagrange" if arc.velocity_m_s is None else "hermite"

@@ -45,12 +45,7 @@ def read_keywords(text: str, kind: str, where: str) -> tuple[str, list[tuple[str
 
 
 def _read_text(text: str, kind: str, where: str) -> tuple[str, list[tuple[str, StatedValue]]]:
-    """Read keyword = value notation.
-
-    Parameters
-    ----------
-    text, kind, where : as for `read_keywords`
-    """
+    """Read keyword = value notation."""
     version = ""
     entries: list[tuple[str, StatedValue]] = []
     for number, raw in enumerate(text.splitlines(), start=1):

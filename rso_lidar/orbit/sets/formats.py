@@ -76,7 +76,7 @@ def _object(
 
     Parameters
     ----------
-    path, where, name, norad_id : as for `read_object`
+    name, norad_id : as for `read_object`
     _modified_ns, _size : modification time and size of the file, the key of the cache
 
     Returns

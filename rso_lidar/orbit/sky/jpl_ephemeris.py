@@ -114,12 +114,7 @@ class JplEphemeris:
         return place
 
     def _look_up(self, kernel: Any, body: str, epochs: Epochs) -> Any:
-        """Look up a body, as seen from the Earth's centre, in skyfield's form.
-
-        Parameters
-        ----------
-        kernel, body, epochs : as for `_read`
-        """
+        """Look up a body, as seen from the Earth's centre, in skyfield's form."""
         from skyfield.errors import EphemerisRangeError
 
         try:

@@ -180,7 +180,7 @@ def _make_checked_plan(operation: ProximityOperation, mean_motion_rad_s: float, 
 
     Parameters
     ----------
-    operation, mean_motion_rad_s, center : as for `check_lengths`
+    mean_motion_rad_s, center : as for `check_lengths`
     """
     check_lengths(operation, mean_motion_rad_s, center)
     return operation.keep_out.check(check_plan(operation.make_plan(mean_motion_rad_s), operation, center=center))

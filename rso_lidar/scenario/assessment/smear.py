@@ -53,7 +53,7 @@ def describe_exposure(mission: Mission, preview: Preview) -> list[str]:
 
     Parameters
     ----------
-    mission, preview : as for `measure_smear`
+    mission : as for `measure_smear`
     """
     pulses = mission.lidar.detector.traits.pulses
     if pulses == 1:
@@ -84,7 +84,7 @@ def advise_on_exposure(mission: Mission, preview: Preview) -> list[str]:
 
     Parameters
     ----------
-    mission, preview : as for `measure_smear`
+    mission : as for `measure_smear`
     """
     rate_hz, traits = mission.lidar.laser.pulse_rate_hz, mission.lidar.detector.traits
     if rate_hz is None:

@@ -111,7 +111,7 @@ def _cut_concave(
 
     Parameters
     ----------
-    points, corners : as in `cut_polygons`
+    points : as in `cut_polygons`
     starts, sizes : (polygon), place of the first corner, and number of corners
     normals : (polygon, xyz), unit vectors
     """

@@ -96,7 +96,7 @@ def find_field(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | in
 
     Parameters
     ----------
-    cls, tables, steps : as in `find_part`
+    steps : as in `find_part`
     """
     names = [step for step in steps if isinstance(step, str)]
     parent = find_part(cls, tables, tuple(names[:-1])) if names[1:] else cls

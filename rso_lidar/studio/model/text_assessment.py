@@ -105,10 +105,6 @@ def check_study(path: Path, folder: Folder) -> None:
 def load_flyable(path: Path, folder: Folder, title: str) -> Scenario:
     """Load the scenario of a file as it is now, and check that it may be flown here.
 
-    Parameters
-    ----------
-    folder, title : as in `assess`
-
     Raises
     ------
     ScenarioError
@@ -149,10 +145,6 @@ def list_warnings(assessment: Assessment, folder: Folder, title: str) -> list[st
     """List the warnings that `rso-lidar check` prints of a text that may be flown, by `Scenario.advice`.
 
     It takes seconds. The scenario is read again, because some warnings are given where files are read.
-
-    Parameters
-    ----------
-    folder, title : as in `assess`
     """
     with collect_warnings() as lines:
         try:

@@ -42,7 +42,7 @@ def remove_value(text: str, place: str) -> str:
 
     Parameters
     ----------
-    text, place : as for `set_value`
+    place : as for `set_value`
 
     Returns
     -------
@@ -61,7 +61,7 @@ def _edit(text: str, place: str, value: Any) -> str:
 
     Parameters
     ----------
-    text, place, value : as for `set_value`
+    place : as for `set_value`
     """
     import tomlkit
     from tomlkit.exceptions import TOMLKitError

@@ -49,7 +49,7 @@ def draw_icon_button(icon: str, label: str, action: Callable[..., Any], name: st
 
     Parameters
     ----------
-    name, look : as for `draw_button`
+    name : as for `draw_button`
     """
     button = draw_button("", action, name or label, f"flat round {look}").tooltip(label)
     button.props["icon"], button.props["aria-label"] = icon, label

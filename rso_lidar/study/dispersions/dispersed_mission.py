@@ -303,7 +303,6 @@ def _submit_blocks(
 
     Parameters
     ----------
-    mission_disperser, begins : as for `_fly_blocks`
     executor : whose workers may be other processes or machines; each block makes its flight anew there
     """
     waiting = [executor.submit(_fly_block, copy.copy(mission_disperser), begin) for begin in begins]

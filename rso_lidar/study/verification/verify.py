@@ -162,12 +162,7 @@ def _verify_one(requirement: Requirement, flown: FlownFrames, figures: ComputedF
 
 
 def _find_evidence(requirement: Requirement, flown: FlownFrames, figures: ComputedFigures) -> Evidence:
-    """Return the value of a requirement's quantity with its bounds.
-
-    Parameters
-    ----------
-    one, flown, figures : as for `_verify_one`
-    """
+    """Return the value of a requirement's quantity with its bounds."""
     if not requirement.needs_frames:
         chosen = requirement.frames is not None or requirement.between_m is not None
         numbers = flown.select(requirement) if requirement.what.kind == "merit" and chosen else None

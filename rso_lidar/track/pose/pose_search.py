@@ -101,7 +101,7 @@ def _improve_hinges(
 
     Parameters
     ----------
-    points_m, model, alignment, steps : as in `align_again`
+    points_m, steps : as in `align_again`
     """
     other, gain = search_hinges(points_m, model, alignment)
     return align_again(points_m, model, other, steps) if gain > LIKELIER else alignment
@@ -114,7 +114,7 @@ def measure_misfit_m(
 
     Parameters
     ----------
-    model, points_m, outline, half_field_rad : as in `misfit_m`
+    points_m, outline, half_field_rad : as in `misfit_m`
     """
     posed = model.turn_hinges(alignment.hinge_angles_rad)
     return misfit_m(alignment.pose, posed, points_m, outline, half_field_rad)
