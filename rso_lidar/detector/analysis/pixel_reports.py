@@ -81,7 +81,6 @@ def _raise_dark_current(gsfl: Gsfl, background_photons_per_s: float) -> Gsfl:
 
     Parameters
     ----------
-    gsfl : the detector
     background_photons_per_s : sunlight [photons/s]
     """
     extra_na = gsfl.quantum_efficiency * background_photons_per_s * units.ELEMENTARY_CHARGE_C / units.NA

@@ -172,7 +172,6 @@ def _predict(
     Parameters
     ----------
     photons, detector : the light, and the detector
-    there : the labelled clusters
     draws, threads, by_table : as for `predict_pixels`
 
     Returns
@@ -203,7 +202,6 @@ def _predict_by_form(
     Parameters
     ----------
     photons, gsfl : the light, and the detector
-    there : the labelled clusters
     probability : (lit) probability by the closed form
     draws : number of trials of each pixel
     by_table : whether scatter comes from the table, and not from trials of every pixel
@@ -238,7 +236,6 @@ def _find_special(photons: Photons, gsfl: Gsfl, there: _Clusters) -> np.ndarray:
     Parameters
     ----------
     photons, gsfl : the light, and the detector
-    there : the labelled clusters
     """
     pixel, n_clusters = photons.cluster_pixel, len(photons.cluster_pixel)
     light = np.bincount(photons.cluster, photons.photons, n_clusters)
@@ -327,7 +324,6 @@ def _summarise(reported_m: np.ndarray, there: _Clusters, fwhm_s: float) -> tuple
     Parameters
     ----------
     reported_m : (draw, lit) reported ranges [m], NaN where none
-    there : the labelled clusters
     fwhm_s : length of the pulse [s]. If no pixel reports twice, the scatter is that of a uniform distribution over it
 
     Returns

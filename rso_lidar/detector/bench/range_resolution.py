@@ -54,7 +54,6 @@ class Separations:
         Parameters
         ----------
         out, inside : number of a separation where the probability is below it, and of one where it is not
-        probability : to pass
 
         Returns
         -------
@@ -139,7 +138,6 @@ def _simulate_listed(detector: Any, pulse: LaserPulse, over: float) -> Separatio
 
     Parameters
     ----------
-    detector : the detector, hashable
     pulse : the laser's pulse
     over : light of each return over the threshold
 

@@ -67,7 +67,6 @@ def _draw_first_false_s(false_alarms_per_s: float, rng: np.random.Generator, n_p
     Parameters
     ----------
     false_alarms_per_s : rate of triggers by noise in a pixel [1/s]
-    rng : random generator
     n_pixels : pixels of the array
     """
     waiting = rng.standard_exponential(n_pixels)
@@ -89,7 +88,6 @@ def _quantise(
 
     Parameters
     ----------
-    empirical : the detector
     report_m : (pixel) reported range [m], NaN without a report
     report_photons : (pixel) photons of the report
     shape : rows and columns

@@ -114,7 +114,6 @@ def _draw_normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> 
     ----------
     pixel : (trace) numbers of the pixels
     n_pixels : pixels of the array
-    rng : random generator
     """
     from scipy.special import ndtri
 
@@ -129,8 +128,6 @@ def _is_on_rail(rail_counts: float, readout: Readout, waveforms: Waveforms, offs
     Parameters
     ----------
     rail_counts : the rail [counts], above the baseline
-    readout : the converter
-    waveforms : what it stored
     offset_counts : (pixel) offset of the pixels
     """
     rail = waveforms.baseline_counts + rail_counts
@@ -154,7 +151,6 @@ def _locate_returns(
     Parameters
     ----------
     processor : the digital end of the camera
-    waveforms : what it stored
     samples : (trace, sample) [counts] above the baseline, calibrated
     clipped : (trace, sample) whether a sample is at the converter's rail
     railed : (trace, sample) whether it is there or at the amplifier's rail; None where the amplifier does not saturate

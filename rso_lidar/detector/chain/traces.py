@@ -254,7 +254,6 @@ def _merge(one: np.ndarray, other: np.ndarray, order: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    one, other : what to merge
     order : places in the first array followed by the second
     """
     merged: np.ndarray = np.concatenate([one, other], dtype=one.dtype, casting="unsafe")[order]

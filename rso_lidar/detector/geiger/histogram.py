@@ -309,7 +309,6 @@ def _time_of(value: float, rate: float, integral: np.ndarray, n: int, from_s: fl
 
     Parameters
     ----------
-    value : of the integral
     rate, integral, n, from_s, step_s : as for `_integral_at`
     """
     if n == 0 or value < integral[0]:
@@ -336,7 +335,6 @@ def _peak(histogram: np.ndarray, touched: np.ndarray, peak_bins: int) -> Any:
     ----------
     histogram : (bin) counts
     touched : bins that have counts
-    peak_bins : of the window
     """
     most, first, centre = 0, -1, math.nan
     for begin in touched:

@@ -128,8 +128,6 @@ def _fill_with_known_weights(
 
     Parameters
     ----------
-    matched : the filter
-    fill : runs the kernels
     clipped : (trace, sample) samples at the rail, None without
     n : samples of a trace
     unknown : (trace) key of a pattern whose weights the filter lacks; 0 if it has all

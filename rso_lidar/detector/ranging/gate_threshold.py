@@ -128,7 +128,6 @@ def _avalanches(one: np.ndarray, spacing: float, apd: Apd) -> np.ndarray:
     ----------
     one : (step) pulse g of one electron [counts]
     spacing : of the grid [counts]
-    apd : the photodiode
     """
     omega = 2.0 * math.pi * np.arange(_GRID // 2 + 1) / _GRID
     if apd.statistics == "gaussian":

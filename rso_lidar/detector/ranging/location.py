@@ -120,7 +120,6 @@ def _relocate(
     samples : (trace, sample) [counts]
     held : (trace, sample) samples at a rail
     peak, place : (trace) sample of the peak, and fitted place [samples]
-    locator : the algorithm
     """
     return locate_clipped_pulses(
         samples,
@@ -141,7 +140,6 @@ def _place(samples: np.ndarray, peak: np.ndarray, locator: Locator, threshold_co
     ----------
     samples : (trace, sample) [counts]
     peak : (trace) sample of the peak
-    locator : the algorithm
     threshold_counts : level of leading_edge [counts]
     """
     matched, ranging = locator.matched, locator.ranging
@@ -162,7 +160,6 @@ def _measure_place(samples: np.ndarray, peak: np.ndarray, locator: Locator) -> n
     ----------
     samples : (trace, sample) [counts]
     peak : (trace) sample of the peak
-    locator : parabola or centroid
     """
     if locator.ranging.algorithm == "parabola":
         vertex: np.ndarray = peak + locate_vertices(samples, peak)
@@ -272,7 +269,6 @@ def _without_others(
     Parameters
     ----------
     samples : (trace, sample) [counts]
-    matched : the filter
     place, height : (trace, slot) of the fitted pulses [samples] and [counts]
     slot : the pulse that stays
     """

@@ -86,7 +86,6 @@ def _crossings(T: np.ndarray, apd: Apd, pulses: np.ndarray, noise: float, peak: 
     Parameters
     ----------
     T : thresholds [electrons]
-    apd : the photodiode
     pulses : primaries per τ, for each threshold
     noise, peak : rms of the amplifier's noise, and its integration time over τ
     """
@@ -158,7 +157,6 @@ def _log_crossings(T: np.ndarray, apd: Apd, pulses: float, noise: float, peak: f
     Parameters
     ----------
     T : thresholds [electrons], ascending
-    apd : the photodiode
     pulses : primaries per τ
     noise, peak : rms of the amplifier's noise, and its integration time over τ
     """
