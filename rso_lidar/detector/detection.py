@@ -218,8 +218,6 @@ def predict_closed_form(
 
     Parameters
     ----------
-    detector : the detector
-    pulse : the laser's pulse
     photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s]
     only_probability : whether the other members of the prediction are not needed
     """

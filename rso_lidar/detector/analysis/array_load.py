@@ -40,7 +40,6 @@ def simulate_array_load(gsfl: Gsfl, photons: Photons) -> ArrayLoad:
     Parameters
     ----------
     gsfl : the detector; without droop and crosstalk its pixels do nothing to each other
-    photons : the light of the whole flash
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     gain, together = np.ones(n_pixels), np.zeros(n_pixels)

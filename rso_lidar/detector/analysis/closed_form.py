@@ -69,11 +69,8 @@ def predict_gsfl(
 
     Parameters
     ----------
-    gsfl : the detector
-    pulse : the laser's pulse
     photons : (return) expected photons
     depth_s : (return) time over which the surface stretches each return [s]
-    only_probability : leave the other members of the prediction zero, which is faster
 
     Raises
     ------
@@ -219,7 +216,6 @@ def _compute_response(gsfl: Gsfl, pulse: LaserPulse, stretch_s: float) -> _Respo
 
     Parameters
     ----------
-    gsfl, pulse : the detector, and the laser's pulse
     stretch_s : time over which the surface stretches it [s]
     """
     pole_s, width_s = gsfl.amplifier.pole_s, gsfl.amplifier.integration_s
@@ -279,7 +275,6 @@ def _fit(
 
     Parameters
     ----------
-    gsfl, assumed : the detector, and what it takes the pulse for
     light : (step) the stretched pulse
     respond, dark : response at some instants to charge in each step, and covariance of the noise in the dark there
     beside_s : half a step of time [s]

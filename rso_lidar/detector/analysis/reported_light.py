@@ -39,7 +39,6 @@ def bound_reports(photons: Photons, mine: np.ndarray) -> tuple[np.ndarray, np.nd
 
     Parameters
     ----------
-    photons : light of the flash
     mine : (return) whether a report of this return counts
     """
     n_pixels = photons.shape[0] * photons.shape[1]

@@ -16,7 +16,6 @@ def split_sunlight(gsfl: Gsfl, background_photons_per_s: np.ndarray) -> list[tup
 
     Parameters
     ----------
-    gsfl : the detector
     background_photons_per_s : (pixel) sunlight [photons/s]
 
     Returns

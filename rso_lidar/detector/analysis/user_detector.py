@@ -167,8 +167,6 @@ class BuiltUserDetector(BuiltDetector):
 
         Parameters
         ----------
-        name, given : the method, and its arguments
-        default : answer of an object without it
         check : called with the object, the name of its method and the answer; returns the answer, or raises an error
         """
         answer = call_member(self.part, name, *given, default=default)
@@ -199,9 +197,6 @@ def check_reading(detector: Any, method: str, answer: object, photons: Photons) 
 
     Parameters
     ----------
-    detector : the user's object
-    method : its method
-    answer : what the method returned
     photons : the light that it was given
 
     Returns
@@ -234,12 +229,6 @@ def check_reading(detector: Any, method: str, answer: object, photons: Photons) 
 def check_prediction(detector: object, method: str, prediction: object, *, shape: tuple[int, ...]) -> Prediction | None:
     """Check the closed form that a user-defined detector returned, and return it.
 
-    Parameters
-    ----------
-    detector, method : the object and the name of its method
-    prediction : what the method returned
-    shape : shape of the returns
-
     Returns
     -------
     the prediction, or None without a closed form.
@@ -268,8 +257,6 @@ def check_array_load(detector: object, method: str, load: object, *, n_pixels: i
 
     Parameters
     ----------
-    detector, method : the object and the name of its method
-    load : what the method returned
     n_pixels : number of pixels
 
     Raises

@@ -84,8 +84,6 @@ def run_reference_trial(gsfl: Gsfl, photons: float, repeats: int = 2) -> Trial:
 
     Parameters
     ----------
-    gsfl : the detector
-    photons : on each pixel
     repeats : number of flashes
 
     Returns

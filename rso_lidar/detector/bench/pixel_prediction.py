@@ -125,7 +125,6 @@ def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Cluste
 
     Parameters
     ----------
-    photons : light on every pixel
     true_range_m : (row, col) range of the labelled cluster [m], or None for the brightest cluster
     """
     n_clusters, pixel = len(photons.cluster_pixel), photons.cluster_pixel
@@ -171,7 +170,6 @@ def _predict(
 
     Parameters
     ----------
-    photons, detector : the light, and the detector
     draws, threads, by_table : as for `predict_pixels`
 
     Returns
@@ -201,7 +199,6 @@ def _predict_by_form(
 
     Parameters
     ----------
-    photons, gsfl : the light, and the detector
     probability : (lit) probability by the closed form
     draws : number of trials of each pixel
     by_table : whether scatter comes from the table, and not from trials of every pixel
@@ -232,10 +229,6 @@ def _find_special(photons: Photons, gsfl: Gsfl, there: _Clusters) -> np.ndarray:
 
     Several clusters can cross the threshold together, and the algorithm reports the higher pulse of the stored samples. So
     the cluster that triggers is not always the cluster that is reported.
-
-    Parameters
-    ----------
-    photons, gsfl : the light, and the detector
     """
     pixel, n_clusters = photons.cluster_pixel, len(photons.cluster_pixel)
     light = np.bincount(photons.cluster, photons.photons, n_clusters)
@@ -262,7 +255,6 @@ def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> t
 
     Parameters
     ----------
-    photons, gsfl : the light, and the detector
     there : the labelled clusters of the pixels
     draws : number of trials of each pixel
 
@@ -306,7 +298,7 @@ def _predict_by_repetition(
 
     Parameters
     ----------
-    photons, detector, there, draws, threads : as for `_predict`, which also says what is returned
+    draws, threads : as for `_predict`, which also says what is returned
     """
     reported_m = np.empty((draws, len(there.pixel)))
     for k in range(draws):

@@ -80,7 +80,6 @@ def simulate_pairs(
 
     Parameters
     ----------
-    detector : the detector, with at least two returns listed
     pulse : the laser's step [s] and power (tap) [1/s]
     pulse_fwhm_s : its length [s]
     separation_m : (separation) distances of the two in range [m]
@@ -135,11 +134,6 @@ def simulate_separations(
 @lru_cache(maxsize=16)
 def _simulate_listed(detector: Any, pulse: LaserPulse, over: float) -> Separations:
     """Simulate what `simulate_separations` returns, cached.
-
-    Parameters
-    ----------
-    pulse : the laser's pulse
-    over : light of each return over the threshold
 
     Returns
     -------

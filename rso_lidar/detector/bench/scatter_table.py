@@ -38,8 +38,6 @@ def read_scatter_m(
 
     Parameters
     ----------
-    gsfl : the detector
-    photons : record whose shape of the pulse is used
     sunlight_per_s : sunlight on the pixels [photons/s]
     light, depth_s : (lit) photons of each pixel, and depth of the light in delay [s]
     """
@@ -75,9 +73,7 @@ def _try_levels(gsfl: Gsfl, pulse: LaserPulse, sunlight_per_s: float, depth: flo
     Parameters
     ----------
     gsfl : the detector, whose pixels do not affect each other
-    pulse : the laser's pulse
     sunlight_per_s : sunlight on the pixels [photons/s]
-    depth : of the light, in pulse lengths
     """
     trials = np.where(_LEVELS < 1.0, _FAINT_TRIALS, 1) * max(_TRIALS // gsfl.traits.pulses, _FEWEST_TRIALS)
     number = np.repeat(np.arange(len(_LEVELS)), trials)

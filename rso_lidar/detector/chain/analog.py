@@ -94,8 +94,6 @@ def draw_speckle_factors(speckle: Speckle | None, photons: Photons, rng: np.rand
     Parameters
     ----------
     speckle : its settings; None for light without speckle
-    photons : light on every pixel, in clusters
-    rng : random generator
     """
     if speckle is None or not len(photons.pixel):
         return None
@@ -116,10 +114,6 @@ def simulate_analog(
 
     Parameters
     ----------
-    front : photodiodes and amplifiers
-    axis : the axis of time
-    photons : light on every pixel
-    rows : stretches of time
     rng : random generator (None: the mean of the output, free of noise)
     threads : number of threads (None: one for each core). The result is the same to the bit
 
@@ -191,7 +185,6 @@ def solve_drooped_gain(
 
     Parameters
     ----------
-    droop : the bias supply
     rows : stretches of time of the lit pixels
     electrons : (row, step) electrons drawn at the gain of rest, less the mean of dark current and sunlight
     steady_per_s : electrons of sunlight on the whole array [1/s]

@@ -32,11 +32,8 @@ def time_crossings(
 
     Parameters
     ----------
-    settings : the zero-crossing discriminator
-    axis : the axis of time, with the filters of the timing channel
     made : the analog signals of all rows
     row, latch : (trace) row, and where its comparator latched [steps]
-    rng : random generator
     threads : number of threads (None: one for each core). The result is the same to the bit
     """
     still, rows, step_s = made.still, made.rows, axis.step_s

@@ -66,8 +66,6 @@ def build_camera(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
 
     Parameters
     ----------
-    gsfl : the detector
-    pulse : the laser's pulse
     n_pixels : pixels of the array
     """
     if gsfl.gate is None:
@@ -82,7 +80,7 @@ def _build(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
 
     Parameters
     ----------
-    gsfl, pulse, n_pixels : as for `build_camera`
+    n_pixels : as for `build_camera`
     """
     amplifier, window_m = gsfl.amplifier, (gsfl.armed_from_m, gsfl.armed_to_m)
     pixels = draw_camera_pixels(gsfl, n_pixels)
@@ -121,7 +119,6 @@ def _build_processor(gsfl: Gsfl, pixels: CameraPixels, pulse: Pulse) -> RangePro
     Parameters
     ----------
     gsfl, pixels : the detector, and its pixels
-    pulse : of one return, behind the amplifier
     """
     readout, saturation, maps = gsfl.readout, gsfl.saturation, gsfl.maps
     locator = Locator.of(

@@ -31,7 +31,6 @@ def spill_charge(bloom: Bloom, photons: Photons, electrons_per_photon: float) ->
     Parameters
     ----------
     bloom : full well, share and delay of what spills
-    photons : light on every pixel
     electrons_per_photon : mean number of electrons after the APD for each photon
 
     Returns
@@ -103,8 +102,6 @@ def _return_charge(
 
     Parameters
     ----------
-    photons : light on every pixel
-    of : returns of this pulse
     lost, collected : (row, col) charge that leaves, and that is collected and stays, in photons
     delay_s : how much later it arrives [s]
     """
@@ -144,10 +141,8 @@ def _join(
 
     Parameters
     ----------
-    photons : light on every pixel
     light : (return) what is left of it
     epoch : (return) epoch of each
-    spilled : returns of collected charge, with their epochs
     share : (epoch) share of the pulses
     """
     new = {name: np.concatenate([returns[name] for returns in spilled]) for name in spilled[0]}

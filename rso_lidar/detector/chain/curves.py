@@ -8,14 +8,7 @@ from rso_lidar.records import Photons, Reading
 
 
 def detect_by_curves(empirical: Empirical, photons: Photons, rng: np.random.Generator) -> Reading:
-    """Return a random reading of the empirical detector for one flash.
-
-    Parameters
-    ----------
-    empirical : its curves
-    photons : light on every pixel
-    rng : random generator
-    """
+    """Return a random reading of the empirical detector for one flash."""
     n_pixels = photons.shape[0] * photons.shape[1]
     n_clusters = len(photons.cluster_pixel)
     signal = np.bincount(photons.cluster, photons.photons, n_clusters)

@@ -24,10 +24,6 @@ def run_chain(
 
     Parameters
     ----------
-    camera : the detector, built for the pulse of the light
-    photons : light on every pixel
-    rng : random generator
-    with_taps : also return the signals between the stages
     threads : number of threads (None: one for each core). The result is the same to the bit
     """
     waveforms, taps = store_waveforms(camera, photons, rng, with_taps=with_taps, threads=threads)
@@ -41,7 +37,7 @@ def store_waveforms(
 
     Parameters
     ----------
-    camera, photons, rng, with_taps, threads : as for `run_chain`
+    threads : as for `run_chain`
     """
     if camera.bloom is not None:
         photons = spill_charge(camera.bloom, photons, camera.electrons_per_photon)

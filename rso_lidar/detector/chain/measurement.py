@@ -53,9 +53,6 @@ def measure(
 
     Parameters
     ----------
-    processor : the digital end of the camera
-    waveforms : what it stored
-    rng : random generator of its jitter
     threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
@@ -150,7 +147,6 @@ def _locate_returns(
 
     Parameters
     ----------
-    processor : the digital end of the camera
     samples : (trace, sample) [counts] above the baseline, calibrated
     clipped : (trace, sample) whether a sample is at the converter's rail
     railed : (trace, sample) whether it is there or at the amplifier's rail; None where the amplifier does not saturate

@@ -24,10 +24,6 @@ def store_gate(
 
     Parameters
     ----------
-    camera : the camera, with a gate
-    photons : light on every pixel
-    rng : random generator
-    with_taps : also return the signals between the stages
     threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns

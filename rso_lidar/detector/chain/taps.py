@@ -14,7 +14,6 @@ def cut_steps(signal: np.ndarray, row: np.ndarray, first: np.ndarray, n_steps: i
     ----------
     signal : (row, step)
     row, first : (trace) row and first step of each trace
-    n_steps : steps of a trace
     """
     step = first[:, None] + np.arange(n_steps)
     inside = step < signal.shape[1]

@@ -29,7 +29,6 @@ def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Sampl
 
     Parameters
     ----------
-    gsfl : the detector
     pulse_fwhm_s : length of the pulse [s]
     earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light
     """
@@ -44,7 +43,6 @@ def build_axis(gsfl: Gsfl, pulse: LaserPulse, step_s: float, n: int) -> TimeAxis
 
     Parameters
     ----------
-    gsfl, pulse : the detector, and the laser's pulse
     step_s, n : length of a step [s], and number of steps
     """
     amplifier = gsfl.amplifier

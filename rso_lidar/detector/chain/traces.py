@@ -43,10 +43,6 @@ def store_traces(
 
     Parameters
     ----------
-    camera : the camera, without a gate
-    photons : light on every pixel
-    rng : random generator
-    with_taps : also return the signals between the stages
     threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
@@ -151,8 +147,6 @@ def arm_rows(comparators: Comparators, rows: Rows, step_s: float) -> tuple[Rows,
 
     Parameters
     ----------
-    comparators : with their armed window
-    rows : stretches of time
     step_s : length of a step [s]
 
     Returns
@@ -180,13 +174,10 @@ def latch_rows(
     Parameters
     ----------
     comparators : hysteresis, and the noise that they meet
-    axis : the axis of time
-    made : the amplifier's output
     threshold : (row) [electrons]
     base_per_s : (row) primaries that no pulse makes [1/s]
     arming : (row) which rows begin as the pixel is armed
     stored_before : steps that are stored before a latch
-    rng : random generator of the noise between the steps
     """
     rows, amplitude, bridge, step_s = made.rows, made.amplitude, axis.bridge, axis.step_s
     amplifier = comparators.amplifier
@@ -235,7 +226,6 @@ def _is_watched(rows: Rows, step_s: float, pixel: np.ndarray, at_s: np.ndarray) 
 
     Parameters
     ----------
-    rows : stretches of time
     step_s : length of a step [s]
     pixel, at_s : numbers of pixels, and a time for each [s]
     """

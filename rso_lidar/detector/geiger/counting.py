@@ -22,10 +22,8 @@ def false_peak_probability(
 
     Parameters
     ----------
-    counts : least counts of a peak
     noise_per_s : counts of noise in a second of gate, over all pulses of a frame
     gate_s, bin_s : length of the gate and of a bin [s]
-    peak_bins : bins of a peak
     """
     from scipy.special import pdtrc
 
@@ -43,8 +41,7 @@ def find_least_counts(
 
     Parameters
     ----------
-    probability : of a false peak, for a pixel and frame
-    noise_per_s, gate_s, bin_s, peak_bins : as for `false_peak_probability`
+    noise_per_s, gate_s, bin_s : as for `false_peak_probability`
 
     Returns
     -------
@@ -66,8 +63,6 @@ def peak_probability(fired: np.ndarray, pulses: int, counts: int) -> np.ndarray:
     Parameters
     ----------
     fired : probability that one pulse gives a count in the peak
-    pulses : of a frame
-    counts : least counts of a peak
     """
     from scipy.special import betainc
 

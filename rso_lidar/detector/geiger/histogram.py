@@ -47,9 +47,6 @@ def count_photons(
 
     Parameters
     ----------
-    array : the detector
-    photons : light on every pixel, of each pulse
-    rng : generator of all noise
     threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
@@ -115,18 +112,15 @@ def _count(
 
     Parameters
     ----------
-    first, end : first pixel of the band, and the one after its last
     key : (2) uint32 of the frame
     pulses : (pulse) epoch of the exposure, energy over the mean, and delay beyond the mean [s], of each
     times : opening of the gate, its length, bin, hold-off and jitter [s]
     afterpulse : probability, and mean time after the hold-off [s]
-    bins : of the histogram and of a peak
     noise_per_s : (pixel) rate of avalanches not due to the laser [1/s]
     start : (pixel, epoch, and 1 more) first return of each pixel at each epoch
     delay_s, primaries, depth_s : (return) delay, mean avalanches, and time over which its surface stretches it
     pulse : first edge of the pulse's taps and their step [s]
     energy, summed : (edge) share of the pulse's energy before each edge of its taps, and its integral [s]
-    step_s : of the integral of the rate
     peaks : delay, peak counts and total counts (pixel), written
     """
     opens_s, gate_s, bin_s, hold_off_s, jitter_s = times
@@ -272,7 +266,6 @@ def _look_up(at_s: float, pulse: tuple[float, float], table: np.ndarray, slope: 
     at_s : the time [s]
     pulse : first edge and step of the table [s]
     table : (edge) values
-    slope : behind the last edge
     """
     place = (at_s - pulse[0]) / pulse[1]
     last = len(table) - 1

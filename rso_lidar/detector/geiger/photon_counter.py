@@ -193,8 +193,6 @@ def try_lit_pixels(array: GeigerArray, photons: Photons, lit: np.ndarray) -> np.
 
     Parameters
     ----------
-    array : the detector
-    photons : light on every pixel, of each pulse
     lit : (lit) ascending numbers of pixels with light
 
     Returns
@@ -233,7 +231,6 @@ def _merge_returns(photons: Photons, lit: np.ndarray) -> tuple[np.ndarray, np.nd
 
     Parameters
     ----------
-    photons : light on every pixel
     lit : (lit) ascending numbers of the pixels
 
     Returns

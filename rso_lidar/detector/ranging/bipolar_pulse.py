@@ -19,7 +19,6 @@ def crossing_lead_s(pulse: Pulse, differentiator_s: float) -> float:
 
     Parameters
     ----------
-    pulse : shape of the return behind the amplifier
     differentiator_s : time constant τ of the differentiator [s]
     """
     from scipy.signal import lfilter
@@ -76,7 +75,6 @@ def differentiate_rows(signal: np.ndarray, keep: float, weights: np.ndarray, bip
     Parameters
     ----------
     signal : (row, step)
-    keep : what remains of the slow part after a step
     weights : (4) of the steps around in what a step adds to the slow part
     bipolar : (row, step) written
     """
@@ -95,7 +93,6 @@ def find_zero_crossings(settings: ZeroCrossing, bipolar: np.ndarray, earliest: n
 
     Parameters
     ----------
-    settings : arming level, rail and recovery
     bipolar : (row, step) [electrons]
     earliest : (row) the channel is off before this place [steps]
     step_s : length of a step [s]

@@ -44,7 +44,6 @@ def tabulate_edges(matched: Matched, recovery_s: float) -> Edges:
 
     Parameters
     ----------
-    matched : the filter, with the pulse
     recovery_s : time constant of the recovery, 0 without saturation [s]
     """
     pulse = matched.pulse
@@ -95,9 +94,7 @@ def locate_clipped_pulses(
     clipped : (trace, sample) samples at the rail
     peak : (trace) sample of the peak; the plateau around it is looked at
     place : (trace) fitted place [samples]
-    matched : the filter
     edges : of its pulse, asked for where one is needed
-    sigma_counts : rms of the noise
     recovery_s : time constant of the recovery, 0 without saturation [s]
     """
     trace = np.flatnonzero(clipped[np.arange(len(peak)), peak])
@@ -127,7 +124,6 @@ def read_edge(edge: np.ndarray, per_neper: float, level: float) -> float:
     Parameters
     ----------
     edge, per_neper : one of those of `Edges`, and the number of levels in a neper
-    level : logarithm of the level over the peak
     """
     at = min(max(-level * per_neper, 0.0), edge.shape[0] - 1.000001)
     k = int(at)

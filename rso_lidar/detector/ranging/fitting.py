@@ -69,7 +69,6 @@ def fit_first_pulses(
     samples : (trace, sample) float32
     start : (trace) the peak comes at most one sample before
     least : lowest sample that can be a peak
-    matched : the filter
     clipped : (trace, sample) samples at the rail, None without
     """
     peak, place, height, unknown = (np.empty(len(samples), kind) for kind in (np.int64, float, float, np.int64))
@@ -95,10 +94,6 @@ def fit_all_pulses(
     Parameters
     ----------
     samples : (trace, sample) float32
-    matched : the filter
-    threshold_counts : least height of a pulse
-    sigma_counts : rms of the noise
-    most : pulses looked for in a trace
     clipped : (trace, sample) samples at the rail, None without
     """
     shape, pulse = (len(samples), most), matched.pulse
@@ -129,7 +124,6 @@ def _fill_with_known_weights(
     Parameters
     ----------
     clipped : (trace, sample) samples at the rail, None without
-    n : samples of a trace
     unknown : (trace) key of a pattern whose weights the filter lacks; 0 if it has all
     unknown_at : (trace) place [samples] at which that pattern is needed
     """
@@ -170,7 +164,6 @@ def fit_first(
     start : (trace) the peak comes at most one sample before
     least : lowest sample that can be a peak
     clipped : (trace, sample), or empty without clipped samples
-    matched : the filter
     peaks, place, height : (trace) filled with the peak, and with place [samples] and height of the fit
     unknown : (trace) filled with the key of a pattern that is not known, or 0
     """
@@ -229,12 +222,7 @@ def fit_all(
     ----------
     samples : (trace, sample) float32
     clipped : (trace, sample), or empty without clipped samples
-    threshold : least height of a pulse
-    three_sigma : three times the rms noise
     height_weights : (width) weights that give the height of a pulse in the middle of a window
-    curve : shape of a pulse
-    matched : the filter
-    pulses : filled
     unknown, unknown_at : (trace) filled with the key of a pattern that is not known, or 0, and the place where it is needed
     """
     alive, place, height = pulses
@@ -308,7 +296,6 @@ def drop_weak_pulses(
     Parameters
     ----------
     place, height, alive : (slot) of the pulses, changed in place
-    threshold : least height
     apart : least distance [samples]
 
     Returns

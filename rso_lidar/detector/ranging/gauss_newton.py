@@ -14,8 +14,6 @@ def find_key(clipped: np.ndarray, trace: int, window: int, low: int, high: int, 
     ----------
     clipped : (trace, sample), or empty without clipped samples
     trace : number of the trace
-    window : sample at which the window begins
-    low, high : first sample inside the trace, and one past the last
     codes : those of `fitting.Filter`
     """
     key, shown = np.int64(0), 0
@@ -48,7 +46,6 @@ def iterate_fit(
     trace : number of the trace
     guess : place to begin at [samples]
     rounds, half, codes : those of `fitting.Filter`
-    keys, weights : known patterns
 
     Returns
     -------
@@ -101,7 +98,6 @@ def fit_pulse(
     trace : number of the trace
     guess : place to begin at [samples]
     rounds, half, fwhm, codes : those of `fitting.Filter`
-    keys, weights : known patterns
 
     Returns
     -------

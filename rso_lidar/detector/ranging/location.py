@@ -89,7 +89,6 @@ def locate(
     ----------
     samples : (trace, sample) [counts] above the baseline, float32
     start : (trace) the first sample after the latch. The pulse is the first peak from there on
-    locator : the algorithm
     clipped : (trace, sample) samples at the converter's rail. The fit leaves them out where 3 others are in the pulse; else
         the edges of the pulse give its place
     railed : (trace, sample) samples at the rail of the converter or of an amplifier that saturates; None without the latter.
@@ -222,7 +221,6 @@ def locate_all(
     Parameters
     ----------
     samples : (trace, sample) [counts] above the baseline, float32
-    locator : the algorithm
     most : greatest number of pulses in a trace
     clipped : (trace, sample) samples at the rail
     railed : (trace, sample) samples at the rail of the converter or of an amplifier that saturates; None without the latter.

@@ -21,7 +21,6 @@ def find_first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
     Parameters
     ----------
     samples : (sample) of one trace
-    start : first sample to look at
     least : lowest sample that can be a peak
 
     Returns
@@ -146,12 +145,8 @@ def find_peaks(
     Parameters
     ----------
     samples : (sample) of one trace
-    half, height_weights : half window of the filter, and its weights for the height
-    least : least statistic of a peak
     apart : least distance of two peaks [samples]
-    three_sigma : three times the rms noise
     statistic : (sample) scratch space
-    peaks : filled with the samples of the peaks
 
     Returns
     -------
@@ -195,8 +190,6 @@ def is_separated(samples: np.ndarray, one: int, other: int, three_sigma: np.floa
     Parameters
     ----------
     samples : (sample) of one trace
-    one, other : samples of the peaks
-    three_sigma : three times the rms noise
     """
     lower = min(smooth_sample(samples, one), smooth_sample(samples, other))
     valley = np.float32(np.inf)

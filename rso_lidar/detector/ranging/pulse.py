@@ -138,7 +138,6 @@ def _tabulate_pulse(step_s: float, taps: np.ndarray, pole_s: float, integration_
     Parameters
     ----------
     step_s, taps : those of the optical pulse [s] and [1/s]
-    pole_s, integration_s : those of the amplifier
 
     Returns
     -------
@@ -229,12 +228,9 @@ def crlb_s(
 
     Parameters
     ----------
-    amplitude_counts : amplitude at the pulse's peak
     sample_s : time between samples [s]
     noise : rms of white noise [counts], or the covariance (sample, sample) [counts²] of any noise
-    phase : distance of the peak behind the middle sample, in samples
     samples : number of samples of a trace, if `noise` is a number
-    pulse : shape of the pulse behind the amplifier
     """
     covariance = (
         noise_covariance(samples, sample_s, 0.0, noise) if isinstance(noise, int | float) else np.asarray(noise)

@@ -12,11 +12,6 @@ def tabulate_walk(locator: Locator, full_scale_counts: float) -> tuple[np.ndarra
 
     Heights go from just above the threshold to 200 times it, or half as much again as clips, and are clipped at the rail.
 
-    Parameters
-    ----------
-    locator : the algorithm
-    full_scale_counts : greatest amplitude
-
     Returns
     -------
     Fitted amplitudes [counts], ascending, and the mean bias of the delay at each [s].
@@ -39,13 +34,7 @@ def tabulate_walk(locator: Locator, full_scale_counts: float) -> tuple[np.ndarra
 
 
 def correct_walk(delay_s: np.ndarray, amplitude_counts: np.ndarray, table: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Return delays [s] without the bias that calibration found at their amplitude, interpolated in its logarithm.
-
-    Parameters
-    ----------
-    delay_s, amplitude_counts : of the returns, any shape
-    table : the walk of the algorithm
-    """
+    """Return delays [s] without the bias that calibration found at their amplitude, interpolated in its logarithm."""
     amplitudes, bias_s = table
     place = np.log(np.maximum(amplitude_counts, 0.5 * amplitudes[0]))
     corrected: np.ndarray = delay_s - np.interp(place, np.log(amplitudes), bias_s)

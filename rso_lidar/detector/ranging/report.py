@@ -30,7 +30,6 @@ def report_returns(
     clipped : (trace, sample) whether a sample is at the rail
     returns : which one is reported: first, strongest or last
     max_returns : how many are listed beside it; 1 lists none
-    full_scale_counts : the greatest amplitude
     """
     n_pixels = shape[0] * shape[1]
     most = max_returns if max_returns > 1 else 0
@@ -77,7 +76,6 @@ def report_traces(
     pixel : (trace) number of the pixel
     range_m, amplitude : (trace, return), near to far
     clipped : (trace, sample) whether a sample is at the rail
-    choice : FIRST, STRONGEST or LAST
     full_scale : greatest amplitude [counts]
     one_m, one_counts, saturated : (pixel) filled
     several_m, several_counts : (pixel, return) filled

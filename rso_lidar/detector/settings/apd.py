@@ -101,13 +101,7 @@ def greatest_w(gain: float, ionisation_ratio: float) -> float:
 
 
 def log_z(w: np.ndarray, gain: float, ionisation_ratio: float) -> np.ndarray:
-    """Return y = ln z at which a single primary's generating function is w: the inverse of its moment generating function.
-
-    Parameters
-    ----------
-    w : values of the generating function
-    gain, ionisation_ratio : M and k of the photodiode
-    """
+    """Return y = ln z where the generating function of one primary is w: the inverse of its moment generating function."""
     y: np.ndarray = np.log(w) - np.log1p(avalanche_share(gain, ionisation_ratio) * (w - 1.0)) / (1.0 - ionisation_ratio)
     return y
 

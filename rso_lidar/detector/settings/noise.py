@@ -14,7 +14,6 @@ def noise_rms(
 
     Parameters
     ----------
-    apd : the photodiode, with M²F
     rate_per_s : primary electrons, of any origin [1/s]
     noise_electrons : rms of the amplifier's own noise [electrons]
     pole_s : time constant τ of both poles [s]

@@ -54,7 +54,6 @@ def draw_from_table(word: Any, columns_log2: Any, cells: np.ndarray, table: Any,
     ----------
     word : 32 random bits
     columns_log2, cells : those of `AliasTable`
-    table, first : which of its tables, and the value of the first column there
     """
     column = np.uint64(word) >> (np.uint64(32) - np.uint64(columns_log2))
     place = np.uint64(2) * ((np.uint64(table) << np.uint64(columns_log2)) + column)
@@ -70,7 +69,6 @@ def _alias(first: int, weight: np.ndarray, columns_log2: int) -> np.ndarray:
 
     Parameters
     ----------
-    first : value of the first column
     weight : (value) whole multiples of one part in 2³²
     columns_log2 : logarithm of the number of columns
     """

@@ -100,9 +100,6 @@ def amplify_rows(
     ----------
     quiet, excess : (row, step) mean behind the amplifier, and electrons above their mean before it
     gain : (row) factor of both
-    taps : response of the filter, from step to step
-    noise_electrons : rms of the white noise of a step before the filter
-    table : of a normal number
     words : (row, step) random words
     amplitude : (row, step), written
     """

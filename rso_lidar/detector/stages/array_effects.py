@@ -14,9 +14,7 @@ def draw_speckle(speckle: Speckle, coherence_cells: np.ndarray, rng: np.random.G
 
     Parameters
     ----------
-    speckle : its settings
     coherence_cells : (cluster)
-    rng : random generator
     """
     modes = (1.0 + coherence_cells) * (2.0 if speckle.depolarising else 1.0)
     factors: np.ndarray = rng.standard_gamma(modes) / modes
@@ -28,7 +26,6 @@ def limit_amplitude(saturation: Saturation, amplitude: np.ndarray, step_s: float
 
     Parameters
     ----------
-    saturation : rail and recovery
     amplitude : (row, step) [electrons]
     step_s : length of a step [s]
     """
@@ -51,7 +48,6 @@ def solve_gain(droop: Droop, electrons: np.ndarray, step_s: float, steady_per_s:
 
     Parameters
     ----------
-    droop : the bias supply
     electrons : (step) electrons that all pixels draw in each step at the gain of rest
     step_s : length of a step [s]
     steady_per_s : electrons that have flowed for long before, at the gain of rest [1/s]
@@ -98,9 +94,7 @@ def draw_shift_m(crosstalk: Crosstalk, share: np.ndarray, rng: np.random.Generat
 
     Parameters
     ----------
-    crosstalk : its settings
     share : (pixel) share of the array that latches with each
-    rng : random generator
     """
     shift: np.ndarray = crosstalk.offset_m * (share - crosstalk.calibrated_fraction)
     shift += crosstalk.noise_m * share * rng.standard_normal(np.shape(share))

@@ -73,7 +73,6 @@ def multiply(primaries: np.ndarray, avalanche: Avalanche, noise: RowNoise, base:
     Parameters
     ----------
     primaries : (row, step) expected photoelectrons of each step, or of one row only (step)
-    avalanche : the photodiode, with its tables
     noise : addresses of the random words of the rows
     base : what most steps expect (None: the least of all)
 
@@ -209,13 +208,7 @@ def tabulate_levels(gain: float, ionisation_ratio: float) -> tuple[AliasTable, A
 
 
 def mcintyre_pmf(primaries: int, gain: float, ionisation_ratio: float) -> tuple[int, np.ndarray]:
-    """Return (n_min, P(n_min), P(n_min + 1), ...) of the electrons n that some primaries become (McIntyre 1972).
-
-    Parameters
-    ----------
-    primaries : their number
-    gain, ionisation_ratio : M and k of the photodiode
-    """
+    """Return (n_min, P(n_min), P(n_min + 1), ...) of the electrons n that some primaries become (McIntyre 1972)."""
     from scipy.special import gammaln
 
     if primaries == 0 or gain == 1.0:
@@ -235,13 +228,7 @@ def mcintyre_pmf(primaries: int, gain: float, ionisation_ratio: float) -> tuple[
 
 
 def compound_pmf(mean_primaries: float, gain: float, ionisation_ratio: float) -> np.ndarray:
-    """Return P(0), P(1), ... of the electrons of a Poisson number of primaries, by Fourier transform (to 1e-14).
-
-    Parameters
-    ----------
-    mean_primaries : expected primaries
-    gain, ionisation_ratio : M and k of the photodiode
-    """
+    """Return P(0), P(1), ... of the electrons of a Poisson number of primaries, by Fourier transform (to 1e-14)."""
     from scipy import fft
 
     first, single = mcintyre_pmf(1, gain, ionisation_ratio)
@@ -258,7 +245,6 @@ def _longest(gain: float, ionisation_ratio: float, ones: int = 0, poisson: float
 
     Parameters
     ----------
-    gain, ionisation_ratio : M and k of the photodiode
     ones, poisson : a fixed number of primaries, and the mean of a Poisson number
     """
     w = 1.0 + (greatest_w(gain, ionisation_ratio) - 1.0) * np.geomspace(1e-7, 1.0, 500)

@@ -102,7 +102,6 @@ def find_latches(
     arming : (row) whether the pixel is armed at `first`
     hysteresis : [electrons]
     step_s : length of a step [s]
-    quiet_electrons : rms noise without primaries
     shot_electrons_rs : rms noise for each root of the rate of primaries [1/s]
     reach : distance to the threshold that counts as near, in rms noise
     """
@@ -156,7 +155,6 @@ def find_first_crossings(
     hysteresis : [electrons]
     per_step_s : one over the length of a step [1/s]
     quiet_square, square_s : mean square of the noise, and what each primary a second adds
-    reach : in rms noise
     latch : (row) written
     """
     for row in range(amplitude.shape[0]):
@@ -228,8 +226,6 @@ def find_crossings_between(
     threshold : (row) [electrons]
     watched : (row, step) whether the comparator watches
     sigma : (row, step) rms of the noise [electrons]
-    bridge : distribution of the noise between two steps
-    rng : random generator
     """
     row, step = np.nonzero(mark_near(amplitude, threshold, watched, bridge.reach * bridge.sigma * sigma))
     path = bridge.path(amplitude, mean, row, step, sigma[row, step], rng)

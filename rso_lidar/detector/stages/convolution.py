@@ -14,7 +14,6 @@ def transform_pulse(pulse_step_s: float, power_per_s: np.ndarray, n: int, step_s
 
     Parameters
     ----------
-    pulse_step_s, power_per_s : taps of the pulse
     n, step_s : number of steps, and length of a step [s]
     """
     time_s = (np.arange(len(power_per_s)) - (len(power_per_s) - 1) / 2.0) * pulse_step_s
@@ -62,8 +61,6 @@ def convolve_light(
     Parameters
     ----------
     light : (row, step) expected photons, float32
-    filters : of the pulse, and of the pulse and the amplifier
-    least_primaries : fewer primaries in a step count as none
     primaries, amplitude : (row, step) float32, written
     """
     convolve_rows(light, filters.pulse_response, filters.amplified_response, least_primaries, primaries, amplitude)
@@ -83,8 +80,6 @@ def convolve_rows(
     Parameters
     ----------
     light : (row, step) expected photons
-    pulse, amplified : responses, twice around the circle
-    least : fewer primaries in a step count as none
     primaries, amplitude : (row, step) written
     """
     n_rows, n = light.shape

@@ -40,7 +40,6 @@ def false_alarm_rate(
     Parameters
     ----------
     threshold_electrons : [electrons]
-    apd : the photodiode
     rate_per_s : primaries of dark current and background [1/s]
     noise_electrons, pole_s, integration_s : noise, time constant and unit of amplitude of the amplifier
     """
@@ -86,7 +85,6 @@ def _crossings(T: np.ndarray, apd: Apd, pulses: np.ndarray, noise: float, peak: 
     Parameters
     ----------
     T : thresholds [electrons]
-    pulses : primaries per τ, for each threshold
     noise, peak : rms of the amplifier's noise, and its integration time over τ
     """
     if pulses.min() == pulses.max():
@@ -157,7 +155,6 @@ def _log_crossings(T: np.ndarray, apd: Apd, pulses: float, noise: float, peak: f
     Parameters
     ----------
     T : thresholds [electrons], ascending
-    pulses : primaries per τ
     noise, peak : rms of the amplifier's noise, and its integration time over τ
     """
     sigma = math.sqrt(noise**2 + pulses * cumulants(apd)[1] * peak**2 / 4.0)

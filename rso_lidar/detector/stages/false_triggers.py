@@ -106,9 +106,7 @@ def draw_first_false(
 
     Parameters
     ----------
-    armed : the comparators
     sunlight_per_s : (pixel) primaries of the background [1/s], None without
-    rng : random generator
 
     Returns
     -------
@@ -138,7 +136,6 @@ def draw_first_crossings(
     ----------
     sums_per_s : (pixel) cumulative sum of the rates [1/s]
     from_s, to_s : span of time [s]
-    rng : random generator
     """
     if sums_per_s[-1] * (to_s - from_s) <= len(sums_per_s):
         return _firsts(*draw_crossings(sums_per_s, from_s, to_s, rng))
@@ -161,7 +158,6 @@ def draw_crossings(
     ----------
     sums_per_s : (pixel) cumulative sum of the rates [1/s]
     from_s, to_s : span of time [s]
-    rng : random generator
     """
     total = float(sums_per_s[-1])
     n = int(rng.poisson(total * (to_s - from_s)))
@@ -208,7 +204,6 @@ def _find_rates(
 
     Parameters
     ----------
-    apd, amplifier : sources of the noise
     threshold_electrons : nominal threshold [electrons]
     camera : the pixels, with their thresholds and dark currents
     level : binary logarithm of the greatest background [1/s]; None for the dark
@@ -251,7 +246,6 @@ def draw_false_traces(
     crossing_s : (trace) when the noise crosses [s since emission]
     threshold : (trace) [electrons]
     base_per_s : (trace) primaries of dark current and sunlight [1/s]
-    rng : random generator
 
     Returns
     -------
@@ -284,9 +278,7 @@ def draw_onward(
     ----------
     value, slope : (trace) of the noise before the first sample
     first_lag : (trace) from there to the first sample
-    lag : from each sample to the next
     n : number of samples
-    rng : random generator
 
     Returns
     -------

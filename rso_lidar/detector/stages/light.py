@@ -17,7 +17,6 @@ def spread_light(photons: Photons, rows: Rows, step_s: float, factors: np.ndarra
 
     Parameters
     ----------
-    photons : the light
     rows : stretches of time to fill, all rows of some pixels
     step_s : length of a step [s]
     factors : (return) multiply the photons, where given
@@ -68,7 +67,6 @@ def share_returns(
     step_s : length of a step [s]
     widest : steps; a deeper return is cut into several
     row_pixel, row_start : (row) those of `Rows`
-    last : no return begins after this step
     grid : (row, step) expected photons, added to
     """
     n_rows, row, steps_per_s, last = len(row_pixel), 0, 1.0 / step_s, min(last, grid.shape[1] - 3)
@@ -107,10 +105,6 @@ def share_sixths(x1: np.ndarray, x2: np.ndarray, x3: np.ndarray) -> tuple[np.nda
 
     The weights are those of cubic interpolation. Sum, mean, variance and third moment are exact. The remaining error is of
     fourth order: 2e-4 of the peak for a step of a quarter of the pulse's sigma.
-
-    Parameters
-    ----------
-    x1, x2, x3 : means of x, x² and x³ over the return
     """
     return 3.0 * x2 - x3 - 2.0 * x1, 3.0 * (x3 - 2.0 * x2 - x1) + 6.0, 3.0 * (x2 - x3) + 6.0 * x1, x3 - x1
 

@@ -57,7 +57,6 @@ def fill_rows(key: np.ndarray, start: np.ndarray, pixel: np.ndarray, stage: int,
     Parameters
     ----------
     key, start, pixel : those of `RowNoise`
-    stage : the first of the stages
     words : (stage, row, step) uint32, written; a multiple of four steps
     """
     for k in range(words.shape[0]):

@@ -28,10 +28,8 @@ def store_samples(
 
     Parameters
     ----------
-    readout : the converter
     amplitude : (row, step) [electrons]
     row, first : (trace) row and step of the first sample
-    per_sample, n : steps from sample to sample, and samples of a trace
     offset_counts : (trace) offset of the pixel
     """
     counts = np.empty((len(row), n), np.float32)
@@ -68,10 +66,7 @@ def sample_rows(
     ----------
     amplitude : (row, step) [electrons]
     row, first : (trace) row and step of the first sample
-    per_sample : steps from sample to sample
-    counts_per_electron : scale of the converter
     offset_counts : (trace) baseline, and what a pixel adds to it
-    full_scale : greatest count
     quantised : whether counts are whole
     counts : (trace, sample) written
 
@@ -97,9 +92,7 @@ def convert(readout: Readout, amplitude: np.ndarray, offset_counts: np.ndarray |
 
     Parameters
     ----------
-    readout : the converter
     amplitude : [electrons], any shape
-    offset_counts : offset of the pixel
     """
     counts = amplitude * np.float32(1.0 / readout.electrons_per_count)
     counts = counts + np.asarray(offset_counts + readout.baseline_counts, np.float32)
@@ -131,10 +124,8 @@ def merge_low_gain(
     amplitude : (row, step) [electrons]
     rows : stretches of time of the rows
     row, first : (trace) row and step of the first sample
-    per_sample : steps from sample to sample
     offset_counts : (trace) offset of the pixel
     counts : (trace, sample) of the first channel, changed in place
-    rng : random generator
 
     Returns
     -------
@@ -189,14 +180,9 @@ def merge_rows(
     ----------
     amplitude : (row, step) [electrons]
     row, first : (trace) row and step of the first sample
-    per_sample : steps from sample to sample
     address : key, pixel (trace) and first step since emission (trace) of the random words
-    table : of a normal number
-    full_scale, low_full_scale : greatest counts of both converters
-    counts_per_electron : scale of the low-gain converter
     offset_counts : (trace) baseline and offset there [its counts]
     noise_counts : rms noise there [its counts]
-    ratio : counts of the first channel in one of the other
     baseline : of both channels [counts]
     quantised : whether counts are whole
     counts : (trace, sample) of the first channel, changed in place

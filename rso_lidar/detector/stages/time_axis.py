@@ -78,7 +78,6 @@ def make_plan(
     Parameters
     ----------
     readout : samples that are stored about a latch
-    amplifier : its time constant decides how long the past counts
     pulse_fwhm_s : length of the pulse [s]
     steps_per_sample : least number of steps between samples
     earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light
@@ -109,8 +108,6 @@ def place_rows(
 
     Parameters
     ----------
-    photons : the light
-    plan : layout of the axis of time
     least_photons : pixels that get no more than this have no rows
     sure_photons : after a row that gets more than this early enough, a pixel has no other, for it will have latched
 
@@ -152,8 +149,6 @@ def find_rows(
 
     Parameters
     ----------
-    timing_s : lateness, longest half depth, rise, fall, step
-    steps : steps to a sample, before a latch, watched
     enough : least photons of a pixel that has rows; photons of a row after which a pixel has no other
     pixel, delay_s, photons, depth_spread_s : (return) pixel, delay [s], expected photons, and time over which the
         surface stretches it [s]
@@ -210,8 +205,6 @@ def place_gate_rows(gate: Gate, readout: Readout, plan: SamplingPlan, n_pixels: 
 
     Parameters
     ----------
-    gate, readout : what is stored
-    plan : layout of the axis of time
     n_pixels : pixels of the array
 
     Returns

@@ -339,7 +339,7 @@ def _within(
 
     Parameters
     ----------
-    psf, _stamped, pitch_m, wavelength_m, f_number, field_rad, azimuth_rad : as for `_shares`
+    _stamped, field_rad, azimuth_rad : as for `_shares`
     """
     at = HatGrid(pitch_m, MOST_REACH, wavelength_m * f_number)
     hats = _hats(psf, at, field_rad, azimuth_rad)
