@@ -24,6 +24,7 @@ class Fault:
     new: str
     tests: tuple[str, ...] = ()
     equivalent: str = ""
+    line: int = 0  # of a fault of the sample
 
     def planted(self, source: str) -> str:
         """Return the source with the fault in it."""

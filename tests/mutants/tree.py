@@ -33,8 +33,8 @@ class Tree:
         there.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(here, there)
 
-    def test(self, tests: list[str], fault: Fault | None, limit_s: float) -> tuple[str, str]:
-        """Run tests with a fault, or none, and stop at the first that fails; return "passed" or "failed", and which."""
+    def test(self, tests: list[str], fault: Fault | None, limit_s: float, *, all_failures: bool = False) -> list[str]:
+        """Run tests with a fault, or none, and return which failed: none, the first, or all of them."""
         cache = self.root.parent / "pytest_cache"
         shutil.rmtree(cache, ignore_errors=True)
         machine_code = self.clean
@@ -48,26 +48,29 @@ class Tree:
             "CI": "1",  # hypothesis meets the same examples each time
             "RSO_LIDAR_QUICK_TEST_S": "inf",  # a fault is noticed by what a test asserts
         }
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-o", f"cache_dir={cache}", *tests]
+        arguments = self.root.parent / "tests.txt"
+        arguments.write_text("\n".join(tests), encoding="utf-8")
+        command = [sys.executable, "-m", "pytest", "-q", "--tb=no", "-o", f"cache_dir={cache}", f"@{arguments}"]
+        command += [] if all_failures else ["-x"]
         mended = self._plant(fault) if fault is not None else None
         try:
             run = subprocess.run(
                 command, cwd=self.root, env=environment, capture_output=True, text=True, timeout=limit_s, check=False
             )
         except subprocess.TimeoutExpired:
-            return "failed", f"no end after {limit_s:.0f} s"
+            return [f"no end after {limit_s:.0f} s"]
         finally:
             if mended is not None:
                 mended()
         if run.returncode == 0:
-            return "passed", ""
-        if run.returncode not in (1, 2):
-            if run.returncode in (3, 4, 5):  # pytest itself failed, was asked for wrongly, or collected nothing
-                raise SystemExit(f"mutants: pytest {' '.join(tests)}: {run.stdout[-2000:]}{run.stderr[-2000:]}")
-            return "failed", f"the interpreter ended with {run.returncode}"
+            return []
         failed = cache / "v" / "cache" / "lastfailed"
         names = list(json.loads(failed.read_text(encoding="utf-8"))) if failed.is_file() else []
-        return "failed", names[-1] if names else f"pytest ended with {run.returncode}"
+        if names:
+            return names
+        if fault is None or (run.returncode in (3, 4, 5) and "rror" not in run.stdout + run.stderr):
+            raise SystemExit(f"mutants: pytest {' '.join(tests)}: {run.stdout[-2000:]}{run.stderr[-2000:]}")
+        return [f"pytest ended with {run.returncode}"]  # the package cannot be imported, or the interpreter ended
 
     def _plant(self, fault: Fault):
         path = self.root / fault.file

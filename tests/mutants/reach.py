@@ -1,0 +1,293 @@
+"""Which tests reach which lines of the package: `python -m pytest -p tests.mutants.reach ...` writes it to out/reach.
+
+coverage.py notes the lines, under the name of the test or of the fixture that runs. Of compiled loops it sees nothing: a
+kernel that a test calls counts as reached from its first line to its last, and so do the kernels that it calls. Processes
+that tests start are followed too, by a `sitecustomize` on their path.
+"""
+
+import ast
+import json
+import os
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "out" / "reach"
+PACKAGE = "rso_lidar"
+SETTINGS = f"""\
+[run]
+source = {ROOT / PACKAGE}
+data_file = {FOLDER / "coverage"}
+parallel = true
+context = ${{RSO_LIDAR_REACH}}
+disable_warnings = no-data-collected, module-not-measured, couldnt-parse, no-sysmon, include-ignored
+"""
+
+
+def function_of(nodeid: str) -> str:
+    """Return the name of a test without its parameters."""
+    return nodeid.partition("[")[0]
+
+
+class Notes:
+    """Notes lines under the name of what runs: a test, or a fixture that several tests share."""
+
+    def __init__(self) -> None:
+        import coverage
+
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        settings = FOLDER / "settings.ini"
+        settings.write_text(SETTINGS, encoding="utf-8")
+        (FOLDER / "sitecustomize.py").write_text("import coverage\n\ncoverage.process_startup()\n", encoding="utf-8")
+        os.environ["RSO_LIDAR_REACH"] = ""
+        self.coverage = coverage.Coverage(config_file=str(settings), context="")
+        self.coverage.start()
+        os.environ["COVERAGE_PROCESS_START"] = str(settings)
+        os.environ["PYTHONPATH"] = os.pathsep.join([str(FOLDER), os.environ.get("PYTHONPATH", "")])
+        self.context = ""
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.fixtures: dict[str, set[str]] = defaultdict(set)
+        self.kernels: dict[str, set[tuple[str, int]]] = defaultdict(set)
+        self._watch_kernels()
+
+    def _watch_kernels(self) -> None:
+        from rso_lidar.kernels import Kernel
+
+        call = Kernel.__call__
+
+        def noted(kernel, *arguments):
+            code = kernel.function.__code__
+            self.kernels[self.context].add((code.co_filename, code.co_firstlineno))
+            return call(kernel, *arguments)
+
+        Kernel.__call__ = noted
+
+    def switch(self, context: str) -> str:
+        """Note from now on under another name; return the one before."""
+        before, self.context = self.context, context
+        os.environ["RSO_LIDAR_REACH"] = context
+        self.coverage.switch_context(context)
+        return before
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item):
+        name = function_of(item.nodeid)
+        for definitions in item._fixtureinfo.name2fixturedefs.values() if hasattr(item, "_fixtureinfo") else ():
+            self.fixtures[name] |= {_name(fixture) for fixture in definitions if fixture.scope != "function"}
+        self.switch(name)
+        try:
+            return (yield)
+        finally:
+            self.switch("")
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef):
+        if fixturedef.scope == "function":
+            return (yield)
+        before = self.switch(_name(fixturedef))
+        try:
+            return (yield)
+        finally:
+            self.switch(before)
+
+    def pytest_runtest_logreport(self, report):
+        if report.when == "call" and report.passed:
+            self.seconds[function_of(report.nodeid)] += report.duration
+
+    def pytest_sessionfinish(self):
+        self.coverage.stop()
+        self.coverage.save()
+        told = {
+            "seconds": dict(self.seconds),
+            "fixtures": {name: sorted(fixtures) for name, fixtures in self.fixtures.items()},
+            "kernels": {context: sorted(kernels) for context, kernels in self.kernels.items()},
+        }
+        (FOLDER / f"tests.{os.getpid()}.json").write_text(json.dumps(told), encoding="utf-8")
+
+
+def _name(fixture) -> str:
+    return f"fixture {fixture.baseid}::{fixture.argname}"
+
+
+def pytest_configure(config):
+    if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
+        config.pluginmanager.register(Notes(), "reach")
+
+
+class Reach:
+    """What was noted: which tests reach a place, and how long each of them takes."""
+
+    def __init__(self) -> None:
+        from coverage import Coverage
+
+        self.data = Coverage(data_file=str(FOLDER / "coverage"), config_file=False)
+        self.data.combine(keep=True)
+        self.data = self.data.get_data()
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.users: dict[str, set[str]] = defaultdict(set)  # of a fixture: tests
+        self.callers: dict[tuple[str, int], set[str]] = defaultdict(set)  # of a kernel: tests and fixtures
+        for file in FOLDER.glob("tests.*.json"):
+            told = json.loads(file.read_text(encoding="utf-8"))
+            for name, seconds in told["seconds"].items():
+                self.seconds[name] += seconds
+            for name, fixtures in told["fixtures"].items():
+                for fixture in fixtures:
+                    self.users[fixture].add(name)
+            for context, kernels in told["kernels"].items():
+                for path, line in kernels:
+                    self.callers[Path(path).relative_to(ROOT).as_posix(), line].add(context)
+
+    def tests(self, file: str, line: int) -> list[str]:
+        """Return which tests reach a line, the nearest and then the quickest first.
+
+        A line that runs when its module is imported is reached by all that runs in this module, and by what names it elsewhere.
+        """
+        place = _place(file, line)
+        contexts: set[str] = set()
+        if place.kernel is not None:
+            for key in self._kernels_with(file, place.kernel):
+                contexts |= self.callers.get(key, set())
+        if place.function is not None:
+            contexts |= self._contexts(file, range(*place.statement))
+            if not contexts - {""}:
+                contexts |= self._contexts(file, range(*place.function))
+        if not contexts - {""}:
+            inside = [number for start, end in _functions(file) for number in range(start, end)]
+            contexts |= self._contexts(file, inside)
+            for kernel in _kernels():
+                if kernel[0] == file:
+                    contexts |= self.callers.get(kernel, set())
+            for name in place.names:
+                for other, numbers in _lines_that_name(name).items():
+                    contexts |= self._contexts(other, numbers)
+        tests = {test for context in contexts for test in self.users.get(context, {context})} & set(self.seconds)
+        return sorted(tests, key=lambda test: (distance(file, test), self.seconds[test], test))
+
+    def _contexts(self, file: str, lines) -> set[str]:
+        by_line = self._by_line(file)
+        return {context for line in lines for context in by_line.get(line, ())}
+
+    @cache  # noqa: B019 (one object lives as long as the run)
+    def _by_line(self, file: str) -> dict[int, list[str]]:
+        return self.data.contexts_by_lineno(str(ROOT / file))
+
+    def _kernels_with(self, file: str, kernel: tuple[int, str]) -> Iterator[tuple[str, int]]:
+        """Yield a kernel and those that call it, however indirectly, as far as their names tell."""
+        waiting, seen = [(file, kernel[0])], set()
+        while waiting:
+            place = waiting.pop()
+            if place in seen:
+                continue
+            seen.add(place)
+            yield place
+            name = _kernels()[place]["name"]
+            waiting += [other for other, told in _kernels().items() if name in told["calls"]]
+
+
+@cache
+def _tree(file: str) -> ast.Module:
+    return ast.parse((ROOT / file).read_text(encoding="utf-8"))
+
+
+@cache
+def _kernels() -> dict[tuple[str, int], dict]:
+    """Return all compiled loops by file and first line (that of the decorator): their names, and what they call."""
+    kernels = {}
+    for path in sorted((ROOT / PACKAGE).rglob("*.py")):
+        file = path.relative_to(ROOT).as_posix()
+        if "@kernel" not in path.read_text(encoding="utf-8"):
+            continue
+        for node in ast.walk(_tree(file)):
+            if isinstance(node, ast.FunctionDef) and any("kernel" in ast.dump(d) for d in node.decorator_list):
+                names = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
+                names |= {n.attr for n in ast.walk(node) if isinstance(n, ast.Attribute)}
+                first = node.decorator_list[0].lineno
+                kernels[file, first] = {"name": node.name, "calls": names - {node.name}, "end": node.end_lineno}
+    return kernels
+
+
+@cache
+def _functions(file: str) -> list[tuple[int, int]]:
+    """Return from where to where the bodies of functions go."""
+    kinds = ast.FunctionDef | ast.AsyncFunctionDef
+    return [(n.body[0].lineno, (n.end_lineno or 0) + 1) for n in ast.walk(_tree(file)) if isinstance(n, kinds)]
+
+
+class _place:
+    """Where a line stands: its statement, function and kernel, and the names that the statement gives."""
+
+    def __init__(self, file: str, line: int) -> None:
+        self.function: tuple[int, int] | None = None
+        self.kernel: tuple[int, str] | None = None
+        self.names: set[str] = set()
+        self.statement = (line, line + 1)
+        least = float("inf")
+        for node in ast.walk(_tree(file)):
+            if not isinstance(node, ast.stmt):
+                continue
+            first, last = node.lineno, node.end_lineno or node.lineno
+            if not first <= line <= last:
+                continue
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and line >= node.body[0].lineno:
+                if self.function is None or last - first < self.function[1] - self.function[0]:
+                    self.function = (node.body[0].lineno, last + 1)
+                key = (file, node.decorator_list[0].lineno) if node.decorator_list else None
+                if key in _kernels():
+                    self.kernel = (key[1], node.name)
+            body = getattr(node, "body", None)
+            end = body[0].lineno - 1 if isinstance(body, list) and body and line < body[0].lineno else last
+            if isinstance(body, list) and end == last:
+                if isinstance(node, ast.ClassDef | ast.FunctionDef):
+                    self.names.add(node.name)
+                continue
+            if isinstance(node, ast.FunctionDef):
+                self.names.add(node.name)
+            if end - first < least:
+                least, self.statement = end - first, (first, end + 1)
+                targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+                if self.function is None:
+                    self.names |= {
+                        n.id for t in targets if t is not None for n in ast.walk(t) if isinstance(n, ast.Name)
+                    }
+
+
+@cache
+def _lines_that_name(name: str) -> dict[str, list[int]]:
+    """Return the lines of the package that hold a name."""
+    pattern, found = re.compile(rf"\b{re.escape(name)}\b"), {}
+    for path in sorted((ROOT / PACKAGE).rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        if pattern.search(text):
+            lines = [k for k, line in enumerate(text.splitlines(), 1) if pattern.search(line)]
+            found[path.relative_to(ROOT).as_posix()] = lines
+    return found
+
+
+def distance(file: str, test: str) -> int:
+    """Return how far a test stands from a module: 0 its own, 1 its sub-room's, 2 its room's, 3 of the whole walk, 4 elsewhere."""
+    module, place = Path(file), Path(test.partition("::")[0])
+    if place == module:
+        return 0
+    here, there = module.parent.parts[1:], place.parent.parts[1:]
+    if here == there:
+        return 0 if module.stem in place.stem or place.stem.removeprefix("test_") in module.stem else 1
+    if here[:1] == there[:1] and here:
+        return 2
+    return 3 if there[:1] in (("physics",), ("property",), ("golden",), ("simulation",)) else 4
+
+
+def measure(jobs: int) -> None:
+    """Run all quick tests once and note what they reach."""
+    for file in FOLDER.glob("*"):
+        file.unlink()
+    command = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadscope", "--no-loadscope-reorder"]
+    subprocess.run(
+        [*command, "-p", "tests.mutants.reach", "-m", "not slow", "--ignore=tests/house"], cwd=ROOT, check=False
+    )
