@@ -1,7 +1,10 @@
-"""The list of planted faults cannot rot: each still finds its place in the code as it is now."""
+"""Planted faults cannot rot: each of the list finds its place in the code, and the sample is what its seed draws."""
 
 from collections import Counter
 
+import pytest
+
+from tests.mutants import sample
 from tests.mutants.faults import load
 
 FAULTS = load()
@@ -20,3 +23,18 @@ def test_every_room_of_the_walk_has_faults():
     assert rooms <= {fault.room for fault in FAULTS}
     for fault in FAULTS:
         assert fault.file.startswith(f"rso_lidar/{fault.room}"), str(fault)
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return sample.draw()
+
+
+def test_the_sample_can_be_planted_and_goes_over_the_whole_package(drawn):
+    assert len(drawn) == sample.SIZE
+    assert not [problem for fault in drawn for problem in fault.problems()]
+    assert len({fault.room for fault in drawn}) > 20
+
+
+def test_what_no_test_can_see_is_in_the_sample(drawn):
+    assert not set(sample.equivalent()) - {fault.name.partition(" ")[0] for fault in drawn}

@@ -24,7 +24,7 @@ class Fault:
     new: str
     tests: tuple[str, ...] = ()
     equivalent: str = ""
-    line: int = 0  # of a fault of the sample
+    line: int = 0  # of a fault of the random sample; 0 in the list
 
     def planted(self, source: str) -> str:
         """Return the source with the fault in it."""
@@ -57,9 +57,9 @@ class Fault:
 
 
 def load() -> list[Fault]:
-    """Return all faults, room by room, in the order of their files."""
+    """Return all faults of the list, room by room, in the order of their files."""
     found: list[Fault] = []
-    for path in sorted(FOLDER.glob("*.toml")):
+    for path in sorted(set(FOLDER.glob("*.toml")) - {FOLDER / "sample.toml"}):
         table = tomllib.loads(path.read_text(encoding="utf-8"))
         found += [Fault(path.stem, **{**entry, "tests": tuple(entry.get("tests", ()))}) for entry in table["fault"]]
     return found

@@ -9,6 +9,7 @@ import ast
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections import defaultdict
@@ -147,9 +148,9 @@ class Reach:
     def tests(self, file: str, line: int) -> list[str]:
         """Return which tests reach a line, the nearest and then the quickest first.
 
-        A line that runs when its module is imported is reached by all that runs in this module, and by what names it elsewhere.
+        A line that runs at import is reached by whatever runs in its module, and by lines elsewhere that hold its name.
         """
-        place = _place(file, line)
+        place = _Place(file, line)
         contexts: set[str] = set()
         if place.kernel is not None:
             for key in self._kernels_with(file, place.kernel):
@@ -220,7 +221,7 @@ def _functions(file: str) -> list[tuple[int, int]]:
     return [(n.body[0].lineno, (n.end_lineno or 0) + 1) for n in ast.walk(_tree(file)) if isinstance(n, kinds)]
 
 
-class _place:
+class _Place:
     """Where a line stands: its statement, function and kernel, and the names that the statement gives."""
 
     def __init__(self, file: str, line: int) -> None:
@@ -271,7 +272,7 @@ def _lines_that_name(name: str) -> dict[str, list[int]]:
 
 
 def distance(file: str, test: str) -> int:
-    """Return how far a test stands from a module: 0 its own, 1 its sub-room's, 2 its room's, 3 of the whole walk, 4 elsewhere."""
+    """Return how far a test is from a module: 0 its own, 1 in its sub-room, 2 in its room, 3 of the walk, 4 elsewhere."""
     module, place = Path(file), Path(test.partition("::")[0])
     if place == module:
         return 0
@@ -284,10 +285,10 @@ def distance(file: str, test: str) -> int:
 
 
 def measure(jobs: int) -> None:
-    """Run all quick tests once and note what they reach."""
-    for file in FOLDER.glob("*"):
-        file.unlink()
+    """Run all tests of what the package does once and note what they reach."""
+    shutil.rmtree(FOLDER, ignore_errors=True)
     command = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadscope", "--no-loadscope-reorder"]
+    environment = os.environ | {"RSO_LIDAR_QUICK_TEST_S": "inf"}
     subprocess.run(
-        [*command, "-p", "tests.mutants.reach", "-m", "not slow", "--ignore=tests/house"], cwd=ROOT, check=False
+        [*command, "-p", "tests.mutants.reach", "--ignore=tests/house"], cwd=ROOT, env=environment, check=False
     )
