@@ -78,6 +78,10 @@ def test_an_orbit_and_an_attitude_in_files_of_the_standard(call, tmp_path):
     read = rl.orbit.Ephemeris(file=str(orbit)).states(scenario.epochs(np.array([40])))
     np.testing.assert_allclose(read.position_m, flown.position_m, atol=2e-6)  # written to 1e-6 m
     assert "QUATERNION" in attitude.read_text(encoding="utf-8")
+    lidar = tmp_path / "lidar.aem"  # a mount has an attitude, and no orbit of its own
+    assert call(FLYBY, "-o", lidar, "--body", "lidar", "--every", "10")[0] == 0
+    status, _, lines = call(FLYBY, "-o", tmp_path / "lidar.oem", "--body", "lidar", "--every", "10")
+    assert status == 2 and "no body" in lines[0] and not (tmp_path / "lidar.oem").exists()
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative.hill import mean_motion_of_state
 from rso_lidar.rpo.sequences.leg_flight import LegFlight, SunOverChief
 from rso_lidar.rpo.sequences.leg_transfer import find_insertion, find_transfer_s
-from rso_lidar.rpo.sequences.legs import LambertLeg, SequenceLeg, State
+from rso_lidar.rpo.sequences.legs import EllipseLeg, LambertLeg, SequenceLeg, State
 from rso_lidar.rpo.sequences.sequence_plan import PlannedLeg, SequencePlan
 
 LONGEST_WAIT = 10.0  # revolutions in which a leg without an end of its own must meet its condition
@@ -172,8 +173,8 @@ class Assembly:
         the plan of the operation from the arrival on
         """
         here, duration_s = (self.position_m, self.before_m_s), leg.transfer_s
-        operation = leg.make_operation((self.position_m, self.velocity_m_s)) if leg.has_free_phase else None
-        if isinstance(operation, Circumnavigation | SafetyEllipse):
+        if isinstance(leg, EllipseLeg) and leg.has_free_phase:
+            operation = cast(Circumnavigation | SafetyEllipse, leg.make_operation((self.position_m, self.velocity_m_s)))
             phase_deg, duration_s = find_insertion(here, operation.find_states, self.n, keep_out, duration_s)
             leg = leg.replace(phase_deg=phase_deg)
             own = self._plan_operation(leg)

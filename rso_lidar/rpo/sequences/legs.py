@@ -58,11 +58,6 @@ class SequenceLeg(ProximityOperation):
         ),
     )
 
-    @property
-    def has_free_phase(self) -> bool:
-        """Whether the leg may begin at any phase of an ellipse."""
-        return False
-
     def start_values(self, state: State | None) -> dict[str, Any]:
         """Return the start of the operation, where the leg leaves it out.
 
@@ -252,7 +247,7 @@ class CoEllipticLeg(_AxisLeg, CoElliptic):
         return super().start_values(state) | endless
 
 
-class _EllipseLeg(SequenceLeg):
+class EllipseLeg(SequenceLeg):
     """Base of legs on an ellipse, on which the craft may begin at any phase."""
 
     is_endless = True
@@ -270,13 +265,13 @@ class _EllipseLeg(SequenceLeg):
         return self.phase_deg is None
 
 
-class CircumnavigationLeg(_EllipseLeg, Circumnavigation):
+class CircumnavigationLeg(EllipseLeg, Circumnavigation):
     """Leg of a sequence: natural motion round the body; see `Circumnavigation`."""
 
     operation = Circumnavigation
 
 
-class SafetyEllipseLeg(_EllipseLeg, SafetyEllipse):
+class SafetyEllipseLeg(EllipseLeg, SafetyEllipse):
     """Leg of a sequence: insertion onto a walking safety ellipse, and flight on it; see `SafetyEllipse`."""
 
     operation = SafetyEllipse

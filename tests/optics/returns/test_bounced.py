@@ -99,3 +99,14 @@ def test_no_paths_change_nothing():
     none = replace(made.bounces, **{name: getattr(made.bounces, name)[:0] for name in specs(type(made.bounces))})
     some, off = collect(made.hits, LASER, LENS, bounces=none), collect(made.hits, LASER, LENS)
     np.testing.assert_array_equal(some.photons, off.photons)
+
+
+def test_a_scene_of_half_the_size_at_half_the_range_sends_the_same_share_of_its_light_twice():
+    """Both bounces fall off with the square of what is halved, also nearer than a metre to the lens."""
+    centred = LASER.replace(offset_m=(0.0, 0.0, 0.0))
+    shares = []
+    for range_m in (1.5, 0.75):
+        at = [look(corner(0.03 * range_m), place((0, 0, range_m)), LENS, centred, paths=n) for n in (None, 20_000)]
+        shares.append(at[1].by_pixel.sum() / at[0].by_pixel.sum())
+    assert shares[0] > 1.05
+    assert shares[1] == pytest.approx(shares[0], rel=1e-9)

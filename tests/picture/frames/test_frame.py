@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
 
-from rso_lidar.picture import frame_figure, rank_parts, save_frame, summarize_frame
+from rso_lidar.picture import colour_parts, frame_figure, rank_parts, save_frame, summarize_frame
 from rso_lidar.picture.frames.frame import _describe_geometry
 from rso_lidar.picture.frames.panels import _free_corner
 from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE
@@ -72,6 +72,8 @@ def test_parts_keep_their_colour_and_are_named(handmade):
             part = frame.source.targets[0].parts.index(name)
             assert int(count.replace(",", "")) == ((frame.labels.part == part) & (frame.labels.target == 0)).sum()
             colours.setdefault(name, set()).add(patch.get_facecolor())
+        there, image = frame.labels.target >= 0, colour_parts(frame).image
+        assert (image[there] >= 0).all() and (image[~there] == -1).all() and not there.all()
     assert set(colours) == {"bus", "solar_array", "antenna"}
     assert all(len(own) == 1 for own in colours.values())
 
