@@ -31,6 +31,10 @@ def run(*, quick: bool) -> Findings:
             "`python -c pass`, the interpreter alone": ([python, "-c", "pass"], None),
             f"`import {LIBRARIES}`, inside a process": ([python, "-c", IMPORT.format(LIBRARIES)], None),
             "`import rso_lidar`, inside a process": ([python, "-c", IMPORT.format("rso_lidar")], None),
+            "`import rso_lidar` and first use of `rl.Scenario`": (
+                [python, "-c", IMPORT.format("rso_lidar; rso_lidar.Scenario")],
+                None,
+            ),
             "`rso-lidar --help`": ([python, "-m", "rso_lidar", "--help"], None),
             "first frame of a scenario, `tdrs_approach`": (first_frame("tdrs_approach"), 1.5),
             "first frame of a scenario, `bench_plate`": (first_frame("bench_plate"), 1.5),
@@ -41,9 +45,10 @@ def run(*, quick: bool) -> Findings:
                 took = _took(command)
                 if turn:  # the first writes the caches
                     found[what].append(took)
-    libraries, package, listing = (np.array(found[what]) for what in list(starts)[1:4])
+    libraries, package, scenario, listing = (np.array(found[what]) for what in list(starts)[1:5])
     targets = [
-        _ratio("`import rso_lidar`", package, libraries, 1.5),
+        _ratio("`import rso_lidar`", package, libraries, 0.5),
+        _ratio("`import rso_lidar` and first use of `rl.Scenario`", scenario, libraries, 2.5),
         _ratio("`rso-lidar --help`, the process", listing, libraries, 2.0),
     ]
     rows = [(what, f"{min(took):.2f}", f"{np.median(took):.2f}") for what, took in found.items()]
