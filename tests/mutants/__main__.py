@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
+from threading import Lock
 
 from tests.mutants import reach, sample
 from tests.mutants.faults import ROOT, Fault, load
@@ -61,7 +62,7 @@ def reaching_stages(fault: Fault, tests: list[str], seconds: dict[str, float]) -
         (near if is_near else far).append(test)
     for part, all_failures in ((near, True), (far, False)):
         if part:
-            yield Stage(part, 120.0 + 8.0 * sum(seconds[test] for test in part), all_failures)
+            yield Stage(part, 100.0 + 4.0 * sum(seconds[test] for test in part), all_failures)
 
 
 class Results:
@@ -119,21 +120,24 @@ def run(
         (folder / str(job)).mkdir(parents=True, exist_ok=True)
         trees.put(Tree(folder / str(job)))
     clean: set[str] = set()
+    telling = Lock()
 
-    def try_out(fault: Fault) -> tuple[Fault, list[str], float]:
+    def try_out(fault: Fault) -> None:
         tree, began = trees.get(), time.perf_counter()
         try:
             killers = judge(tree, fault, stages(fault), clean)
         finally:
             trees.put(tree)
-        return fault, killers, time.perf_counter() - began
-
-    with ThreadPoolExecutor(jobs) as pool:
-        for fault, killers, seconds in pool.map(try_out, faults):
+        seconds = time.perf_counter() - began
+        outcome = f"killed by {killers[0]}" if killers else "survived"
+        with telling:
             results.add(fault, killers, seconds)
-            outcome = f"killed by {killers[0]}" if killers else "survived"
             sys.stdout.write(f"{fault.file}  {fault}: {outcome} ({seconds:.0f} s)\n")
             sys.stdout.flush()
+
+    with ThreadPoolExecutor(jobs) as pool:
+        for _ in pool.map(try_out, faults):
+            pass
 
 
 def report(faults: list[Fault], results: Results) -> dict[str, float]:
@@ -209,6 +213,10 @@ def main() -> int:
                 return list_stages(fault, named_only=asked.named_only)
             return reaching_stages(fault, noted.tests(fault.file, fault.line), noted.seconds)
 
+        if noted is not None:  # the quickest first
+            waiting.sort(
+                key=lambda f: sum(noted.seconds[test] for test in noted.tests(f.file, f.line)) if f.line else 0.0
+            )
         with tempfile.TemporaryDirectory(prefix="rso_lidar_mutants_") as temporary:
             folder = asked.folder.resolve() if asked.folder else Path(temporary)
             run(waiting, results, folder, jobs, stages)

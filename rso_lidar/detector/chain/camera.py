@@ -68,6 +68,8 @@ def build_camera(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
     ----------
     n_pixels : pixels of the array
     """
+    if pulse.power_per_s.flags.writeable:  # what is kept must not change with a caller's array
+        pulse = pulse._replace(power_per_s=pulse.power_per_s.copy())
     if gsfl.gate is None:
         return _build(gsfl, pulse, n_pixels)
     at_rest = gsfl.replace(gate=gsfl.gate.replace(delay_ns=0.0))

@@ -33,6 +33,15 @@ def test_equal_pulses_have_equal_taps():
     assert pulse != same._replace(timing_jitter_ns=0.1)
 
 
+def test_a_pulse_that_a_caller_changes_gets_a_camera_of_its_own():
+    power = np.array([0.0, 1e9, 0.0])
+    before = build_camera(Gsfl(), LaserPulse(1e-10, power, 4e-9), 6)
+    power[2] = 1e9
+    after = build_camera(Gsfl(), LaserPulse(1e-10, power, 4e-9), 6)
+    assert after is not before and after.pulse.span_s != before.pulse.span_s
+    assert build_camera(Gsfl(), LaserPulse(1e-10, np.array([0.0, 1e9, 0.0]), 4e-9), 6) is before
+
+
 def test_a_gate_moves_without_a_new_camera():
     pulse = LaserPulse.of(nothing((1, 1)))
     near, far = (build_camera(Gsfl(gate=Gate(delay_ns=delay_ns)), pulse, 6) for delay_ns in (1000.0, 2000.0))
