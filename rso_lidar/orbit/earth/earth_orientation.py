@@ -64,10 +64,7 @@ class EarthOrientation:
         place = find(path)
         if place is None:
             raise ScenarioError(f"{path}: no such file; give the path of finals2000A.all, which the IERS publishes")
-        try:
-            status = place.stat()
-        except OSError as error:
-            raise ScenarioError(files.explain_unreadable(place, error)) from None
+        status = place.stat()
         return _read(place, status.st_mtime_ns, status.st_size)
 
     def ut1_minus_tai_at(self, epochs: Epochs) -> np.ndarray:

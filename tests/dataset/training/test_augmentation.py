@@ -163,5 +163,7 @@ def test_a_mirror_image_has_no_attitude():
     np.testing.assert_array_equal(mirrored["position_m"], [-2.0, -1.5, 500.0])
     after = np.argwhere(mirrored["part_class_id"] >= 0)
     np.testing.assert_array_equal(mirrored["box_px"], [*after.min(axis=0), *after.max(axis=0)])
-    drawn = [MirrorImages()(dict(frame), np.random.default_rng(k))["position_m"][0] for k in range(20)]
+    rng = np.random.default_rng(0)
+    drawn = np.array([MirrorImages()(dict(frame), rng)["position_m"][0] for _ in range(400)])
     assert set(drawn) == {-2.0, 2.0}
+    assert abs((drawn < 0.0).mean() - 0.5) < 4 * np.sqrt(0.25 / 400)  # one in two

@@ -136,3 +136,13 @@ def test_a_mesh_that_is_not_here_is_told_and_left_out(text, tmp_path):
     other = dataclasses.replace(source.targets[0], mesh_sha256="0" * 64)
     with pytest.warns(rl.RsoLidarWarning, match="not the mesh that was recorded"):
         assert load_true_shapes(dataclasses.replace(source, targets=(other,))) == []
+
+
+def test_a_viewer_gets_the_frames_with_their_progress_in_the_colour_asked_for(desk, monkeypatch):
+    got = {}
+    desk()
+    monkeypatch.setattr(module.rerun_scene, "write_rerun", lambda frames, path, shapes, **how: got.update(how) or path)
+    monkeypatch.setattr(module.rerun_scene, "open_rerun", lambda path: got.update(opened=path.suffix))
+    frames = list(rl.simulate(rl.Scenario.load("examples/bench_plate.toml"), frames=[0]))
+    module.view(frames, tool="rerun", colour="intensity", each=iter(frames))
+    assert got["colour"] == "intensity" and list(got["each"]) == frames and got["opened"] == ".rrd"

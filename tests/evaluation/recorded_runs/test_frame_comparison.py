@@ -1,5 +1,7 @@
 """Frames of two seeds differ by the noise of both."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,7 +43,9 @@ def test_frames_of_other_sizes_are_refused(frames):
 
 
 def test_frames_without_returns_in_common_have_no_statistics(frames):
-    empty = APPROACH.replace(lidar=APPROACH.lidar.replace(laser=APPROACH.lidar.laser.replace(energy_mj=1e-6)))
-    found = rl.study.compare_frames(frames[0], next(iter(rl.simulate(empty, frames=[0]))))
-    assert found.both == 0 or np.isfinite(found.mean_range_m)
-    assert found.both > 0 or (np.isnan(found.mean_range_m) and len(found.describe().splitlines()) == 1)
+    nothing = replace(frames[0].observation.reading, range_m=np.full_like(frames[0].range_m, np.nan))
+    empty = replace(frames[0], observation=replace(frames[0].observation, reading=nothing))
+    compared = rl.study.compare_frames(frames[0], empty)
+    assert (compared.both, compared.first_only, compared.second_only) == (0, frames[0].valid.sum(), 0)
+    assert np.isnan([compared.mean_range_m, compared.rms_range_m, compared.robust_range_m, compared.std_counts]).all()
+    assert len(compared.describe().splitlines()) == 1

@@ -168,6 +168,17 @@ def test_figure_draws_every_row(table):
     figure.canvas.draw()
 
 
+def test_a_table_draws_its_ranges_and_colours_its_speeds(table):
+    dots = [dots for dots in table.figure().axes[0].collections if len(dots.get_offsets())]
+    drawn = sorted(
+        (float(y), float(c)) for each in dots for (_, y), c in zip(each.get_offsets(), each.get_array(), strict=True)
+    )
+    rows = [row for row in table.rows if not row.docked]
+    fast = max(row.speed_m_s for row in rows) >= 1000.0
+    expected = sorted((row.range_m / 1e3, row.speed_m_s / (1e3 if fast else 1.0)) for row in rows)
+    np.testing.assert_allclose(drawn, expected, rtol=1e-9)
+
+
 def test_the_figure_shows_the_whole_window_and_names_an_object_once():
     """Four encounters of one object within two hours of a window of three days."""
     start = np.datetime64("2024-09-17T00:00:00", "ms")

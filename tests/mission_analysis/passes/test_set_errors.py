@@ -83,7 +83,12 @@ def test_an_error_of_the_period_grows_with_age():
     per_day = math.tau * RADIUS_M * rate
     assert found.sigma[0, 1] == pytest.approx(per_day * 1.0, rel=0.3)
     assert found.sigma[2, 1] == pytest.approx(per_day * 4.0, rel=0.3)
-    middle = found.covariance_at(2.5 if found.age_days[1] < 2.5 else 1.5)
+    first, second, third = found.age_days
+    np.testing.assert_allclose(
+        found.covariance_at(0.25 * second + 0.75 * third), 0.25 * found.covariance[1] + 0.75 * found.covariance[2]
+    )
+    np.testing.assert_array_equal(found.covariance_at(0.5 * first), found.covariance[0])
+    middle = found.covariance_at(2.5 if second < 2.5 else 1.5)
     assert found.sigma[0, 1] < math.sqrt(middle[1, 1]) < found.sigma[2, 1]
 
 
@@ -99,6 +104,8 @@ def test_few_pairs_have_no_covariance_and_ages_beyond_are_refused():
     assert found.pairs[0] == 5
     assert np.isnan(found.covariance).all()
     assert found.table().splitlines()[2].split()[-1] == "-"
+    assert np.isfinite(estimate_set_errors(make_sets(9), [0.0, 0.5]).covariance).all()  # eight pairs are enough
+    assert np.isnan(estimate_set_errors(make_sets(8), [0.0, 0.5]).covariance).all()
     with pytest.raises(ScenarioError, match=r"^NORAD 1 KNOWN|^KNOWN.*: no age has 8 pairs"):
         found.covariance_at(1.0)
     with pytest.raises(ScenarioError, match=r"^age_days: 9 is beyond the known ages"):

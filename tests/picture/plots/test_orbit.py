@@ -3,6 +3,7 @@ import pytest
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture import inertial_figure, orbit_figure, osculating_orbit_m, save_figure
+from rso_lidar.picture.plots.orbit import _choose_view
 from rso_lidar.pose import Link, PoseTree, pose
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.units import EARTH_GM_M3_S2, EARTH_RADIUS_M
@@ -161,3 +162,11 @@ def test_the_total_of_a_plan_is_the_callers(impulses, total, words):
     figure = orbit_figure(relative(position_m, time_s), impulses=given, delta_v_m_s=total)
     note = figure.texts[1].get_text()
     assert note.endswith(f"   ·   {words}" if words else " s")
+
+
+@pytest.mark.parametrize("phase", [150.0, 180.0, 210.0])
+def test_the_path_is_drawn_before_the_earth(phase):
+    """Seen from where the path leans a fifth of its way towards the eye, whatever its size."""
+    middle_m = RADIUS_M * np.array([np.cos(np.radians(phase)), np.sin(np.radians(phase)), 0.0])
+    eye = _choose_view(np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), middle_m)
+    assert eye @ middle_m / RADIUS_M > 0.2

@@ -75,8 +75,15 @@ def test_the_bootstrap_of_frames_covers(few_draws):
         frames = [frame(found=float(k)) for k in rng.gamma(4.0, 10.0, 20).round()]
         got = bound_merit(MERITS["returns_on_target"], RUN, frames, 0.9)
         bounds.append((got.low, got.high))
-        assert got.low < got.value < got.high
+        assert got.low < got.value < got.high and got.note == ""
     assert min(covered(bounds, 40.0)) > 0.9 - 3 * math.sqrt(0.09 / 200)
+
+
+def test_frames_of_which_most_show_nothing_have_no_bound():
+    """Some draws of them have no pixel at all."""
+    frames = [frame(50.0)] + [frame(0.0)] * 19
+    got = bound_merit(MERITS["range_rms_m"], RUN, frames, 0.95)
+    assert math.isnan(got.low) and got.note == "some draws of frames have no value"
 
 
 def test_the_quantile_of_errors_is_that_of_all_pixels():

@@ -55,6 +55,18 @@ def test_the_transition_is_the_derivative_of_the_prediction(has_gravity):
         np.testing.assert_allclose(transition[:, k], (moved[0] - moved[1]) / (2.0 * step), rtol=2e-5, atol=2e-6)
 
 
+def test_the_gravity_on_a_target_far_off_is_that_of_its_own_place():
+    """At 60 km the gradients differ by a fortieth: a shift of the follower alone changes the relative velocity."""
+    relative = np.concatenate([[40e3, -30e3, 35e3], NEAR[3:]])
+    state = np.concatenate([POSITION, VELOCITY, relative])
+    _, transition, _ = predict_orbits(state, 25.0, oblate=False, **QUIET)
+    shift = 10.0 * np.eye(12)
+    moved = [[predict_orbits(state + s * shift[k], 25.0, oblate=False, **QUIET)[0] for k in range(3)] for s in (1, -1)]
+    derivative = (np.array(moved[0]) - np.array(moved[1])).T / 20.0
+    np.testing.assert_allclose(transition[9:, :3], derivative[9:], rtol=1e-2, atol=1e-9)
+    assert np.abs(derivative[9:]).max() > 3e-7
+
+
 def test_white_accelerations_add_what_they_integrate_to():
     """The follower's own acceleration moves it, and the target relative to it by as much the other way."""
     _, _, noise = predict_orbits(
