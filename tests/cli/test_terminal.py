@@ -4,10 +4,12 @@ import os
 import re
 import subprocess
 import sys
+from contextlib import contextmanager
 
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.cli import progress
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import escape_controls, to_one_line
 
@@ -121,3 +123,25 @@ def test_a_warning_is_printable(rso_lidar, text, tmp_path):
     status, out, errors = rso_lidar("info", path)
     assert status == 0 and not errors
     assert not RAW.search(out) and "\\x1b[31m.h5" in out
+
+
+def test_steps_are_counted_on_one_bar_once_their_number_is_known(monkeypatch):
+    begun = []
+
+    class Bar:
+        advanced = 0
+
+        def advance(self):
+            self.advanced += 1
+
+    @contextmanager
+    def show(total, done, doing, of):
+        begun.append((total, done, doing, of, Bar()))
+        yield begun[-1][-1]
+
+    monkeypatch.setattr(progress, "show_progress", show)
+    with progress.count_steps("trading", "run") as step:
+        for done, total in ((0, 0), (2, 9), (3, 9), (7, 9)):
+            step(done, total)
+    ((*said, bar),) = begun
+    assert said == [9, 2, "trading", "run"] and bar.advanced == 5

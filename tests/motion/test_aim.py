@@ -1,10 +1,11 @@
-"""From the follower to the lidar with every mount away from its parent and turned: where the target then stands."""
+"""From the follower to the lidar with every mount away from its parent and turned, and demands that follow a target."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
+from rso_lidar.motion.aim import FollowingDemand
 
 PTU = "ptu.mount={position_m=[0.5, 1.2, -0.7], euler_zyx_deg=[30, -20, 40]}"
 LIDAR = "lidar.mount={position_m=[0.05, -0.3, 0.2], euler_zyx_deg=[3, -5, 60]}"
@@ -45,3 +46,12 @@ def test_the_lidars_own_mount_is_in_the_ptus_axes(text):
     np.testing.assert_allclose(pose.rotation.as_matrix(), turned, atol=1e-12)
     ahead = seen.pose("lidar", "plate").translation[2]
     assert ahead == pytest.approx(turned[:, 2] @ (seen.pose("ptu", "plate").translation - [0.05, -0.3, 0.2]), rel=1e-9)
+
+
+def test_a_demand_that_follows_begins_at_the_pan_nearest_to_zero():
+    """Directions behind the mount are met at the angles of the circle's nearer half; later ones go on without a jump."""
+    demand = FollowingDemand(
+        lambda time_s: np.stack([np.cos(3.0 + time_s), -np.sin(3.0 + time_s), 0.0 * time_s], axis=-1)
+    )
+    np.testing.assert_allclose(demand(np.array([0.0, 0.1]))[:, 0], [-3.0, -3.1], atol=1e-12)
+    np.testing.assert_allclose(demand(np.array([0.3, 0.5]))[:, 0], [-3.3, -3.5], atol=1e-12)

@@ -225,11 +225,11 @@ def test_a_point_that_cannot_be_flown_is_a_row_with_its_reason(text, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("laser.energy_mj", "laser.energy_m", r"axis\[0\].field: .*did you mean 'energy_mj'"),
+        ("laser.energy_mj", "laser.energy_m", r"axis\[0\].field: lidar.laser.energy_m: .*did you mean 'energy_mj'"),
         ("lidar.laser.energy_mj", "lidar.lazer.energy_mj", r"axis\[0\].field: .*did you mean 'laser'"),
-        ("lidar.laser.energy_mj", "target.plane.scale", r"axis\[0\].field: .*no entry 'plane'"),
+        ("lidar.laser.energy_mj", "target.plane.scale", r"axis\[0\].field: target.plane.scale: no entry 'plane'"),
         ("lidar.laser.energy_mj", "name.first", r"axis\[0\].field: .*is a value, not a table"),
-        ("[5, 20]", '[5, "much"]', r"axis\[0\].values: .*valid number, not 'much'"),
+        ("[5, 20]", '[5, "much"]', r"axis\[0\].values: bench.toml: lidar.laser.energy_mj: .*valid number, not 'much'"),
         ("lidar.laser.energy_mj", "lidar.receiver.rays_per_pixel", r"axis\[0\].values: .*integer, not 5.5"),
         ("[5, 20]", "[-5, -20]", "no point can be flown; the first: .*greater than 0, not -5"),
         ("bench.toml", "bensh.toml", "no file 'bensh.toml'"),
