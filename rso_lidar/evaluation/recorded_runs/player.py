@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 Colour = Literal["range", "intensity"]
 SIZE_IN = (14.0, 5.8)
-STILL_IN = (14.0, 5.2)  # without the slider
+STILL_IN = (SIZE_IN[0], 5.2)  # without the slider
 STEP_MS = 100  # from frame to frame while it plays
 FAR = 10  # frames that page up and page down skip
 _STEPS = {"left": -1, "right": 1, "pageup": -FAR, "pagedown": FAR}

@@ -4,9 +4,11 @@ import csv
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
 import rso_lidar as rl
 from rso_lidar.mission_analysis.time_history.opportunities import find_detection_curve
+from rso_lidar.picture import palette
 
 HALF_FIELD = 1.25 * rl.units.DEG
 
@@ -138,6 +140,18 @@ def test_rows_and_files(passing):
     assert all(name.endswith(units + flags) for name in made.table)
     assert len(made.figure().axes) == 6 + 2 + 2  # panels, with a PTU and no Sun, and two axes at the right
     assert made.save(folder / "pass.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_figure_shades_when_the_target_leaves_the_field(passing):
+    text, folder = passing
+    still = 'ptu.point={type="fixed", tilt_deg=2.8624}'  # the plate crosses the field in the middle of the run
+    made = rl.timeline(rl.Scenario.loads(text, folder=folder, settings=(still,)), "plate")
+    shades = [patch for patch in made.figure().axes[0].patches if to_hex(patch.get_facecolor()) == palette.ALARM_SHADE]
+    depth = [sum(a.get_x() < t < a.get_x() + a.get_width() for a in shades) for t in made.table["time_s"][1:-1]]
+    seen = made.table["in_field_fraction"][1:-1]
+    assert (
+        {0, 2} <= set(depth) and (np.array(depth)[seen == 1.0] == 0).all() and (np.array(depth)[seen == 0.0] == 2).all()
+    )
 
 
 @pytest.mark.parametrize(

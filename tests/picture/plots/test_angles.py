@@ -119,10 +119,10 @@ def test_a_target_on_the_boresight_and_the_farthest_range_are_inside_the_axes():
 
 
 def test_frames_give_the_angles_too(coming):
-    figure = angles_figure(coming)
-    shown = figure.axes[0].lines[0].get_ydata()
-    expected = [np.linalg.norm(frame.truth.pose("lidar", "tdrs").translation) for frame in coming]
-    np.testing.assert_allclose(shown, expected)
+    for target in (None, "rtn"):  # the first target, and axes that are no target
+        shown = angles_figure(coming, target).axes[0].lines[0].get_ydata()
+        expected = [np.linalg.norm(frame.truth.pose("lidar", target or "tdrs").translation) for frame in coming]
+        np.testing.assert_allclose(shown, expected)
 
 
 def test_a_world_without_a_sun_says_so():
