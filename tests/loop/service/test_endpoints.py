@@ -89,3 +89,13 @@ def test_curve_keys_let_in_whom_the_server_knows(scenario, tmp_path):
         rl.loop.Client(server.endpoint, key=tmp_path / "server.key", **keys)
     with pytest.raises(rl.ScenarioError, match="need each other"):
         rl.loop.Security(server_key=tmp_path / "server.key_secret")
+
+
+@pytest.mark.parametrize("has_ipc", [True, False])
+def test_the_gateway_is_met_by_a_socket_of_files_where_there_are_such(scenario, monkeypatch, has_ipc):
+    bound, bind = [], zmq.Socket.bind
+    monkeypatch.setattr(zmq, "has", lambda what: has_ipc and what == "ipc")
+    monkeypatch.setattr(zmq.Socket, "bind", lambda self, address: bound.append(address) or bind(self, address))
+    with serving(scenario) as server, rl.loop.Client(server.endpoint, timeout_s=30) as client:
+        assert client.step().index == 0
+    assert any(str(address).startswith("ipc://") for address in bound) == has_ipc

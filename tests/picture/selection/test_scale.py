@@ -49,6 +49,8 @@ def test_a_look_from_one_place_is_drawn_by_range_itself(handmade):
     assert not scale.relative
     seen = np.concatenate([g.range_m[g.on_target] for g in thumbnails])
     assert ((seen >= scale.low_m) & (seen <= scale.high_m)).mean() > 0.97
+    ends_m = [np.percentile(g.range_m[g.on_target], (1, 99)) for g in thumbnails]
+    assert scale.low_m <= np.min(ends_m) < np.max(ends_m) <= scale.high_m  # rounded outward
     assert not scale.logarithmic
     assert scale.low_counts == 0
 

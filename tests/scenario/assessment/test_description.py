@@ -270,3 +270,12 @@ class TestSeveralReturns:
             assert "the two edges" not in line
         else:
             assert re.search(rf"the two edges of .*\({depth_m:.1f} m\) {words}", line)
+
+    def test_a_part_that_turns_counts_where_it_is_deepest(self, text):
+        """From facing the lidar to 67.5 degrees off in the last of ten frames."""
+        settings = (
+            "lidar.detector.max_returns=2",
+            "target.0.attitude={type='spin', axis=[0, 1, 0], rate_deg_s=37.5}",
+        )
+        lines = rl.Scenario.loads(text, settings=settings).advice()
+        assert any(re.search(r"the two edges of .*\(3\.7 m\) can be parted too far", line) for line in lines)

@@ -133,3 +133,11 @@ def test_ground_is_made_once():
 
 def test_a_description_names_the_ground():
     assert "model craters_and_boulders 3, 32." in scenario(terrain=MADE).describe()
+
+
+def test_ground_is_no_part_that_two_returns_are_too_near_or_too_far_for():
+    """It fills the field at every depth, so that a gate that lists two returns has nothing to warn of."""
+    two = {"type": "gsfl", "max_returns": 2, "gate": {"delay_ns": 300.0, "width_ns": 200.0}}
+    said = scenario(terrain=MADE, material="regolith_highland")
+    gated = said.replace(lidar=said.lidar.replace(detector=two))
+    assert not [line for line in gated.advice() if "two returns" in line]
