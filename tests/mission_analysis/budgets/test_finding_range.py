@@ -60,6 +60,7 @@ def test_a_body_that_is_never_found_has_no_range():
     never = find_range(FAST, "cubesat_3u", finding=Finding(pixels=1000), attitudes=2, range_m=(800.0, 900.0))
     assert math.isnan(never.max_range_m) and never.worst_attitude is None
     assert "never" in never.table()
+    assert never.notes[0] == "attitudes: all rotations, evenly; places: one pixel about the boresight"
 
 
 def test_the_attitudes_of_the_run_are_those_that_face_the_lidar():
@@ -73,6 +74,7 @@ def test_the_attitudes_of_the_run_are_those_that_face_the_lidar():
     toward = -facing.worst_attitude[2]
     assert toward == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
     assert facing.worst_range_m == pytest.approx(facing.max_range_m, rel=0.05)  # 8 places against 32
+    assert facing.notes[0] == "attitudes of the run"
 
 
 def test_a_body_alone_stands_still_for_all_pulses_of_a_slow_laser():
