@@ -8,7 +8,11 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import units
 from rso_lidar.scenario import preview_mission
-from rso_lidar.scenario.assessment.environment import advise_on_environment, describe_environment
+from rso_lidar.scenario.assessment.environment import (
+    _describe_passage,
+    advise_on_environment,
+    describe_environment,
+)
 from rso_lidar.scenario.preview.sky import compute_sky_geometry, tabulate_environment
 
 MOON_KM = (-220_497.1, 291_971.7, 164_731.8)  # by astropy 8.0.2 (ERFA's moon98), 2024-03-20 03:06 UTC, in GCRS
@@ -132,6 +136,12 @@ class TestLines:
             (line,) = [line for line in describe_environment(scenario, seen) if "eclipse" in line]
             assert "umbra all the time" in line
             assert ("no sunlight on it" in line) == told
+
+    def test_a_passage_that_a_run_does_not_hold_whole_says_which_end_is_outside(self):
+        assert _describe_passage("umbra", 3.25, 70.5) == "umbra from 3.250 s to 70.500 s"
+        assert _describe_passage("umbra", 3.25, math.inf) == "umbra from 3.250 s to after the last"
+        assert _describe_passage("umbra", -math.inf, 70.5) == "umbra from before the first frame to 70.500 s"
+        assert _describe_passage("umbra", -math.inf, math.inf) == "umbra all the time"
 
     def test_no_eclipse(self):
         scenario, seen = flown()
