@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from abc import abstractmethod
-from functools import cached_property
+from collections.abc import Mapping
+from functools import cache, cached_property
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.part import Name, NotNegative, Part, Positive, Text
 from rso_lidar.records import BodyMotion, MotionQuantity, SensorState
-from rso_lidar.sensors.presets import merge_preset
 from rso_lidar.sensors.random_errors import ErrorModel, ErrorProcess, draw_errors, make_model
 
 _MAX_RATE_HZ = 1e5
@@ -77,7 +79,7 @@ class SensorPart(Part):
     @classmethod
     def _from_preset(cls, given: Any) -> Any:
         kind = cls.model_fields["type"].default if "type" in cls.model_fields else None
-        return merge_preset(kind, given) if isinstance(given, dict) else given
+        return _merge_preset(kind, given) if isinstance(given, dict) else given
 
     @property
     def reads(self) -> frozenset[str]:
@@ -242,3 +244,25 @@ def check_correlation(times_s: tuple[float, float]) -> tuple[float, float]:
             f"({shortest:g}, {longest:g})"
         )
     return times_s
+
+
+@cache
+def load_sensor_presets() -> dict[str, dict[str, Any]]:
+    """Load the shipped sensors by name, as TOML tables of `[[sensor]]` with a line `what`."""
+    return tomllib.loads(Path(__file__).with_name("presets.toml").read_text(encoding="utf-8"))
+
+
+def _merge_preset(kind: str | None, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a table with the values of its preset where it has none; without a preset, the table itself.
+
+    Parameters
+    ----------
+    kind : `type` of the sensor
+    """
+    name = given.get("preset")
+    if not isinstance(name, str):
+        return given
+    known = {each: table for each, table in load_sensor_presets().items() if table["type"] == kind}
+    if name not in known:
+        raise ValueError(f"preset: no {kind} '{name}'{did_you_mean(name, known)} (known: {', '.join(known)})")
+    return {key: value for key, value in known[name].items() if key != "what"} | dict(given)

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.rpo.limits import check_horizon
 from rso_lidar.rpo.plans.minimum_distance import find_closest_approach
-from rso_lidar.rpo.plans.plan_text import format_length, format_rows
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -389,3 +389,14 @@ class Plan:
             ),
         ]
         return "\n".join(lines)
+
+
+def format_rows(rows: tuple[tuple[str, ...], ...]) -> list[str]:
+    """Return rows of words as indented lines of columns."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return ["  " + "  ".join(word.rjust(width) for word, width in zip(row, widths, strict=True)) for row in rows]
+
+
+def format_length(length_m: float) -> str:
+    """Format a length, in metres or from 10 km on in kilometres."""
+    return f"{length_m:.2f} m" if length_m < 10.0 * units.KM else f"{length_m / units.KM:.3f} km"

@@ -1,4 +1,4 @@
-"""The velocity that leads from one position to another in a given time, by Clohessy-Wiltshire (Vallado 4th ed. sec. 6.8)."""
+"""Velocities that lead from place to place in given times, by Clohessy-Wiltshire (Vallado 4th ed. sec. 6.8)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast, make_line
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 _SINGULAR = 1e-9  # ratio of the singular values below which a direction cannot be commanded
@@ -59,3 +60,34 @@ def solve_departure_m_s(
                 f"(whole {'' if rows.start == 0 else 'half '}revolutions do not); change the duration by a few percent"
             )
     return velocity
+
+
+def plan_arcs(name: str, n: float, times_s: np.ndarray, places_m: np.ndarray, stop: bool) -> Plan:
+    """Make a plan of free arcs through places at times, from rest at the first.
+
+    Parameters
+    ----------
+    name : name of the operation
+    n : mean motion of the body [rad/s]
+    times_s : times of departure and of arrivals (place,), the first 0 [s]
+    places_m : (place, 3) in rtn axes [m]
+    stop : whether a last impulse stops the craft at the last place, which it then holds
+
+    Returns
+    -------
+    the plan
+    """
+    legs: list[Leg] = []
+    impulses: list[PlannedImpulse] = []
+    arrival = np.zeros(3)
+    for k in range(len(times_s) - 1):
+        begin_s, each_s = float(times_s[k]), float(times_s[k + 1] - times_s[k])
+        departure = solve_departure_m_s(places_m[k], places_m[k + 1], each_s, n)
+        legs.append(make_coast(begin_s, places_m[k], departure, n))
+        impulses.append(PlannedImpulse(begin_s, departure - arrival))
+        arrival = legs[-1].path(np.array([each_s]))[1][0]
+    end_s = float(times_s[-1])
+    if stop:
+        legs.append(make_line(end_s, places_m[-1]))
+        impulses.append(PlannedImpulse(end_s, -arrival))
+    return Plan(name, n, end_s, tuple(legs), tuple(impulses))
