@@ -121,7 +121,6 @@ class _Evaluation:
 
         Parameters
         ----------
-        bodies, names, epochs : the bodies, the names of the axes, and the instants
         rates : whether the rates of the axes are needed
         """
         wanted, sun = frozenset(names), SunVectors(epochs, self.local, self.sun.given)
@@ -232,7 +231,6 @@ class _Evaluation:
 
         Parameters
         ----------
-        tree, body, chief : the tree with the axes of the chief, the body, and the name of its chief
         place : position and velocity in the chief's rtn axes
         """
         there, turning, (rho, rho_rate, rates) = tree.link(ROOT, self.by_name[chief].origin), self.turning[chief], place

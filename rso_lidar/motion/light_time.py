@@ -56,7 +56,6 @@ def _see(poses: PoseTree, name: str, lidar_m_s: np.ndarray, lidar_rad_s: np.ndar
 
     Parameters
     ----------
-    name : of the axes
     lidar_m_s, lidar_rad_s : (…, 3) velocity and angular velocity of the lidar relative to the root, in lidar axes
     """
     here = poses.link("lidar", name)

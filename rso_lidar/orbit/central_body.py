@@ -45,13 +45,7 @@ MOON = CentralBody("the Moon", units.MOON_GM_M3_S2, units.MOON_RADIUS_M, units.M
 
 
 def check_trajectory(trajectory: Any, name: str) -> None:
-    """Check that an object answers `states`; a motion relative to another body does not.
-
-    Raises
-    ------
-    ScenarioError
-        if it does not
-    """
+    """Raise `ScenarioError` unless an object answers `states`; a motion relative to another body does not."""
     if callable(getattr(trajectory, "states", None)):
         return
     kind, chief = type(trajectory).__name__, getattr(trajectory, "relative_to", None)

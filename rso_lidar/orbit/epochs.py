@@ -74,13 +74,7 @@ def _tai_us(instant: datetime.datetime) -> int:
 
 
 def check_instant(instant: Any, place: str) -> None:
-    """Check that a value is a datetime with a UTC offset.
-
-    Raises
-    ------
-    ScenarioError
-        if the value is not a datetime, or has no UTC offset
-    """
+    """Raise `ScenarioError` unless a value is a datetime with a UTC offset."""
     if not isinstance(instant, datetime.datetime):
         raise ScenarioError(
             f"{place}: needs a datetime with an offset, such as datetime(2024, 9, 17, 12, tzinfo=UTC), "
@@ -270,7 +264,6 @@ def parse_epoch_ps(text: str, system: str, where: str) -> int:
 
     Parameters
     ----------
-    text : the epoch, such as 2024-09-17T12:00:00.000 or 2024-261T12:00:00.000
     system : one of `TIME_SYSTEMS`
 
     Returns

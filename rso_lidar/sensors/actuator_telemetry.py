@@ -32,11 +32,6 @@ class ActuatorTelemetry(SensorPart):
         Parameters
         ----------
         entries : their places, from 0
-
-        Raises
-        ------
-        ScenarioError
-            If there are no such dynamics or entries
         """
         if not entries:
             return np.empty((len(motion.time_s), 0))

@@ -186,13 +186,7 @@ class SensorPart(Part):
 
 
 def gauss_markov(channels: tuple[int, ...], sigma: float, correlation_s: float, step_s: float) -> ErrorProcess:
-    """Return a Gauss-Markov process of first order, discretised exactly, that starts in its stationary distribution.
-
-    Parameters
-    ----------
-    correlation_s : correlation time [s]
-    step_s : sampling interval [s]
-    """
+    """Return a Gauss-Markov process of first order, discretised exactly, that starts in its stationary distribution."""
     decay = math.exp(-step_s / correlation_s)
     return ErrorProcess(channels, decay, sigma * math.sqrt(-math.expm1(-2.0 * step_s / correlation_s)), sigma)
 
@@ -204,11 +198,6 @@ def flicker(
 
     There is one process for each decade of the correlation time, all of one variance. The greatest Allan deviation of the
     sum is `floor`.
-
-    Parameters
-    ----------
-    correlation_s : shortest and longest correlation time [s]
-    step_s : sampling interval [s]
     """
     shortest, longest = correlation_s
     count = 1 + round(math.log(longest / shortest, _DECADE))
@@ -221,13 +210,7 @@ def flicker(
 
 
 def gauss_markov_allan_variance(averaging_s: np.ndarray, sigma: float, correlation_s: float) -> np.ndarray:
-    """Return the Allan variance (…) of a Gauss-Markov process of first order (IEEE Std 952, annex C).
-
-    Parameters
-    ----------
-    averaging_s : averaging times (…) [s]
-    correlation_s : correlation time [s]
-    """
+    """Return the Allan variance (…) of a Gauss-Markov process of first order (IEEE Std 952, annex C)."""
     x = averaging_s / correlation_s
     # 2 s2 / x (1 - (3 - 4 exp(-x) + exp(-2 x)) / (2 x)), by expm1 so that short times lose no digits
     short, double = np.expm1(-x), np.expm1(-2.0 * x)
@@ -253,12 +236,7 @@ def load_sensor_presets() -> dict[str, dict[str, Any]]:
 
 
 def _merge_preset(kind: str | None, given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a table with the values of its preset where it has none; without a preset, the table itself.
-
-    Parameters
-    ----------
-    kind : `type` of the sensor
-    """
+    """Return a table with the values of its preset where it has none; without a preset, the table itself."""
     name = given.get("preset")
     if not isinstance(name, str):
         return given

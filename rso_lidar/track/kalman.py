@@ -161,10 +161,6 @@ def _discretize(mean_motion_rad_s: float | None, density: float, step_s: float) 
     mean_motion_rad_s : of the orbit [rad/s]; None for constant velocity
     density : root of the spectral density of white acceleration [m/s²/√Hz]
     step_s : length of the step [s]
-
-    Returns
-    -------
-    transition matrix (6, 6), and covariance (6, 6) in SI units
     """
     from scipy.linalg import expm
 

@@ -113,13 +113,7 @@ def _intensity_noise_photons(empirical: Empirical, photons: np.ndarray) -> np.nd
 
 
 def _draw_first_false_s(false_alarms_per_s: float, rng: np.random.Generator, n_pixels: int) -> np.ndarray:
-    """Return when noise first triggers each pixel [s after arming]: exponential waiting, inf at rate 0.
-
-    Parameters
-    ----------
-    false_alarms_per_s : rate of triggers by noise in a pixel [1/s]
-    n_pixels : pixels of the array
-    """
+    """Return when noise first triggers each pixel [s after arming]: exponential waiting, inf at rate 0."""
     waiting = rng.standard_exponential(n_pixels)
     with np.errstate(divide="ignore"):
         return waiting / false_alarms_per_s if false_alarms_per_s > 0.0 else waiting + np.inf
@@ -141,7 +135,6 @@ def _quantise(
     ----------
     report_m : (pixel) reported range [m], NaN without a report
     report_photons : (pixel) photons of the report
-    shape : rows and columns
     """
     reported = np.isfinite(report_m)
     counts = np.where(reported, np.clip(np.rint(empirical.counts(report_photons)), 1, empirical.full_scale_counts), 0)

@@ -40,8 +40,6 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
 
     Parameters
     ----------
-    gsfl : the detector
-    photons : light on every pixel
     mine : (return) whether a report of this return counts
 
     Returns
@@ -78,10 +76,6 @@ def _raise_dark_current(gsfl: Gsfl, background_photons_per_s: float) -> Gsfl:
     Photoelectrons of sunlight and of the dark current are multiplied alike, and the baseline takes the mean of both. What
     differs from frame to frame without an effect on a pixel that looks at light is set to one value, so that tables made
     for one frame serve the others.
-
-    Parameters
-    ----------
-    background_photons_per_s : sunlight [photons/s]
     """
     extra_na = gsfl.quantum_efficiency * background_photons_per_s * units.ELEMENTARY_CHARGE_C / units.NA
     gate = None if gsfl.gate is None else gsfl.gate.replace(delay_ns=0.0)
@@ -96,8 +90,6 @@ def _detect_clusters(dark: Gsfl, camera: FlashCamera, photons: Photons) -> np.nd
     Parameters
     ----------
     dark : the detector with the noise in force, in the dark
-    camera : the camera that looks
-    photons : light on every pixel
     """
     pulse, shape = LaserPulse.of(photons), camera.pulse
     threshold_photons = dark.traits.threshold_photons / shape.peak
@@ -128,17 +120,12 @@ def combine_clusters(
 
     Parameters
     ----------
-    photons : light on every pixel
     mine : (return) whether a report of this return counts. A cluster counts where most of its light does
     detected : (cluster) probability that it triggers
     false_rate_per_s : (cluster) rate of false alarms of its pixel [1/s]
     window_m : nearest and farthest range at which the pixels are armed [m]
     lists_several : whether a pixel can report a farther cluster than the first that triggers. The probability of one that
         counts is then not known in the presence of others (None)
-
-    Returns
-    -------
-    (pixel) probability.
     """
     n_pixels, n_clusters = photons.shape[0] * photons.shape[1], len(photons.cluster_pixel)
     pixel = photons.cluster_pixel
@@ -168,8 +155,6 @@ def _sum_clusters(photons: Photons, pulse: Pulse, sure_photons: float) -> np.nda
 
     Parameters
     ----------
-    photons : light on every pixel
-    pulse : shape of one return behind the amplifier
     sure_photons : photons that are detected in any case; brighter clusters are only bounded from below
     """
     n_clusters = len(photons.cluster_pixel)
@@ -216,12 +201,7 @@ class _TriggerCurve:
         self._photons, self._still, self._shot, self._beside = threshold_photons, still, shot, beside
 
     def read(self, photons: np.ndarray, factor: np.ndarray) -> np.ndarray:
-        """Return the probability (return) of detection.
-
-        Parameters
-        ----------
-        photons, factor : (return) photons, and factor of the pixel's threshold
-        """
+        """Return the probability (return) of detection."""
         from scipy.special import ndtr
 
         u = photons / self._photons
@@ -236,9 +216,7 @@ def _tabulate_curve(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) -> 
 
     Parameters
     ----------
-    gsfl : the detector, without a gate
     threshold_photons : photons whose amplitude reaches the nominal threshold
-    pulse : the laser's pulse
     """
     from scipy.special import ndtri
 
@@ -253,10 +231,6 @@ def _tabulate_curve(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) -> 
 @lru_cache(maxsize=64)
 def _tabulate_depths(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) -> tuple[np.ndarray, np.ndarray]:
     """Return how much easier light of some depth is to detect than its highest sum says, because it lasts longer.
-
-    Parameters
-    ----------
-    gsfl, threshold_photons, pulse : as for `_tabulate_curve`
 
     Returns
     -------

@@ -166,16 +166,7 @@ def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Cluste
 def _predict(
     photons: Photons, detector: AnyDetector, there: _Clusters, draws: int, threads: int | None, *, by_table: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predict by the first method that applies to the detector.
-
-    Parameters
-    ----------
-    draws, threads, by_table : as for `predict_pixels`
-
-    Returns
-    -------
-    probability and scatter [m] (lit).
-    """
+    """Predict probability and scatter [m] (lit) by the first method that applies to the detector."""
     if isinstance(detector, GeigerArray):
         return _summarise(photon_counter.try_lit_pixels(detector, photons, there.pixel), there, photons.pulse_fwhm_s)
     if isinstance(detector, Gsfl | Empirical):
@@ -200,12 +191,7 @@ def _predict_by_form(
     Parameters
     ----------
     probability : (lit) probability by the closed form
-    draws : number of trials of each pixel
     by_table : whether scatter comes from the table, and not from trials of every pixel
-
-    Returns
-    -------
-    probability and scatter [m] (lit).
     """
     if by_table:
         sunlight = np.zeros(len(there.pixel))
@@ -256,11 +242,6 @@ def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> t
     Parameters
     ----------
     there : the labelled clusters of the pixels
-    draws : number of trials of each pixel
-
-    Returns
-    -------
-    probability and scatter [m] (lit).
     """
     lit = there.pixel
     place = np.searchsorted(lit, photons.pixel)
@@ -294,12 +275,7 @@ def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> t
 def _predict_by_repetition(
     photons: Photons, detector: AnyDetector, there: _Clusters, draws: int, threads: int | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predict by detecting the flash many times with other noise.
-
-    Parameters
-    ----------
-    draws, threads : as for `_predict`, which also says what is returned
-    """
+    """Predict by detecting the flash many times with other noise."""
     reported_m = np.empty((draws, len(there.pixel)))
     for k in range(draws):
         rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(_SEED, spawn_key=(k,))))

@@ -54,10 +54,6 @@ class Separations:
         Parameters
         ----------
         out, inside : number of a separation where the probability is below it, and of one where it is not
-
-        Returns
-        -------
-        separation [m].
         """
         if not 0 <= out < len(self.probability):
             return float(self.separation_m[inside])
@@ -85,10 +81,6 @@ def simulate_pairs(
     separation_m : (separation) distances of the two in range [m]
     photons : of the near and the far return (None: five times the threshold each)
     each : trials of each separation
-
-    Returns
-    -------
-    probability at each separation that both are listed.
     """
     traits = detector.traits
     near, far = photons or (SIGNAL_OVER_THRESHOLD * traits.threshold_photons,) * 2
@@ -133,12 +125,7 @@ def simulate_separations(
 
 @lru_cache(maxsize=16)
 def _simulate_listed(detector: Any, pulse: LaserPulse, over: float) -> Separations:
-    """Simulate what `simulate_separations` returns, cached.
-
-    Returns
-    -------
-    probability at each separation that both are listed.
-    """
+    """Simulate what `simulate_separations` returns, cached."""
     traits, width_m = detector.traits, pulse.fwhm_s * units.RANGE_PER_DELAY_M_S
     stored_m = min(traits.stored_behind_m, traits.sees_to_m - traits.sees_from_m)
     near = np.linspace(0.25 * width_m, 3.0 * width_m, 45)

@@ -73,7 +73,6 @@ def _try_levels(gsfl: Gsfl, pulse: LaserPulse, sunlight_per_s: float, depth: flo
     Parameters
     ----------
     gsfl : the detector, whose pixels do not affect each other
-    sunlight_per_s : sunlight on the pixels [photons/s]
     """
     trials = np.where(_LEVELS < 1.0, _FAINT_TRIALS, 1) * max(_TRIALS // gsfl.traits.pulses, _FEWEST_TRIALS)
     number = np.repeat(np.arange(len(_LEVELS)), trials)

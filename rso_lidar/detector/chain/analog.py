@@ -89,12 +89,7 @@ class Analog:
 
 
 def draw_speckle_factors(speckle: Speckle | None, photons: Photons, rng: np.random.Generator) -> np.ndarray | None:
-    """Return the random factors (return) of speckle on the photons, one for each cluster; None without speckle.
-
-    Parameters
-    ----------
-    speckle : its settings; None for light without speckle
-    """
+    """Return the random factors (return) of speckle on the photons, one for each cluster; None without speckle."""
     if speckle is None or not len(photons.pixel):
         return None
     cells = np.bincount(photons.cluster, photons.coherence_cells, len(photons.cluster_pixel))
@@ -115,7 +110,6 @@ def simulate_analog(
     Parameters
     ----------
     rng : random generator (None: the mean of the output, free of noise)
-    threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
     -------
@@ -188,7 +182,6 @@ def solve_drooped_gain(
     rows : stretches of time of the lit pixels
     electrons : (row, step) electrons drawn at the gain of rest, less the mean of dark current and sunlight
     steady_per_s : electrons of sunlight on the whole array [1/s]
-    step_s : length of a step [s]
     """
     if not len(rows.pixel):
         return electrons

@@ -103,7 +103,6 @@ def _return_charge(
     Parameters
     ----------
     lost, collected : (row, col) charge that leaves, and that is collected and stays, in photons
-    delay_s : how much later it arrives [s]
     """
     from scipy.ndimage import distance_transform_edt
 

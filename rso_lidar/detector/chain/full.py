@@ -23,12 +23,7 @@ def run_chain(
     with_taps: bool = False,
     threads: int | None = 1,
 ) -> tuple[Reading, Waveforms, Taps | None]:
-    """Return the reading of one flash, the stored samples, and the signals between the stages (None unless requested).
-
-    Parameters
-    ----------
-    threads : number of threads (None: one for each core). The result is the same to the bit
-    """
+    """Return the reading of one flash, the stored samples, and the signals between the stages (None unless requested)."""
     waveforms, taps = store_waveforms(camera, photons, rng, with_taps=with_taps, threads=threads)
     return measure(camera.processor, waveforms, rng, threads), waveforms, taps
 
@@ -36,12 +31,7 @@ def run_chain(
 def store_waveforms(
     camera: FlashCamera, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False, threads: int | None = 1
 ) -> tuple[Waveforms, Taps | None]:
-    """Return the samples that the pixels store of one flash, and the signals between the stages (None unless requested).
-
-    Parameters
-    ----------
-    threads : as for `run_chain`
-    """
+    """Return the samples that the pixels store of one flash, and the signals between the stages (None unless requested)."""
     if camera.bloom is not None:
         photons = spill_charge(camera.bloom, photons, camera.electrons_per_photon)
     store = _store_gate if camera.gate else store_traces
@@ -56,16 +46,7 @@ def _store_gate(
     with_taps: bool = False,
     threads: int | None = 1,
 ) -> tuple[Waveforms, Taps | None]:
-    """Simulate the samples of the gate that all pixels store, averaged over its pulses; nothing triggers.
-
-    Parameters
-    ----------
-    threads : number of threads (None: one for each core). The result is the same to the bit
-
-    Returns
-    -------
-    the stored samples, and the signals between the stages (None unless requested).
-    """
+    """Simulate the samples of the gate that all pixels store, averaged over its pulses; nothing triggers."""
     assert camera.gate is not None
     gate, readout, pixels = camera.gate, camera.readout, camera.front.pixels
     n_pixels = photons.shape[0] * photons.shape[1]

@@ -51,16 +51,7 @@ class RangeProcessor:
 def measure(
     processor: RangeProcessor, waveforms: Waveforms, rng: np.random.Generator, threads: int | None = 1
 ) -> Reading:
-    """Measure range and intensity of the stored samples.
-
-    Parameters
-    ----------
-    threads : number of threads (None: one for each core). The result is the same to the bit
-
-    Returns
-    -------
-    range, intensity and saturation of all pixels.
-    """
+    """Measure range and intensity of the stored samples."""
     n_pixels = waveforms.shape[0] * waveforms.shape[1]
     pixels = processor.pixels
     jitter_s = _draw_normal(waveforms.pixel, n_pixels, rng) * processor.pixel_jitter_s
@@ -112,7 +103,6 @@ def _draw_normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> 
     Parameters
     ----------
     pixel : (trace) numbers of the pixels
-    n_pixels : pixels of the array
     """
     from scipy.special import ndtri
 
@@ -152,7 +142,6 @@ def _locate_returns(
     samples : (trace, sample) [counts] above the baseline, calibrated
     clipped : (trace, sample) whether a sample is at the converter's rail
     railed : (trace, sample) whether it is there or at the amplifier's rail; None where the amplifier does not saturate
-    threads : number of threads (None: one for each core)
     """
     locator, gate_thresholds = processor.locator, processor.gate_thresholds
     if gate_thresholds is None and processor.max_returns == 1 and processor.returns == "first":
@@ -216,7 +205,6 @@ def _report_returns(
 
     Parameters
     ----------
-    shape : rows and columns
     pixel : (trace) number of the pixel
     range_m, amplitude : (trace, return) [m] and [counts], near to far, NaN and 0 where there are fewer
     clipped : (trace, sample) whether a sample is at the rail

@@ -46,14 +46,6 @@ def store_traces(
     """Simulate the stored samples of self-triggering pixels.
 
     The first crossing of a threshold, by signal or by noise, starts a trace.
-
-    Parameters
-    ----------
-    threads : number of threads (None: one for each core). The result is the same to the bit
-
-    Returns
-    -------
-    the stored samples, and the signals between the stages (None unless requested).
     """
     comparators, readout, pixels = camera.comparators, camera.readout, camera.front.pixels
     plan = camera.plan(_earliest_s(camera, photons))
@@ -149,16 +141,7 @@ def store_traces(
 
 
 def arm_rows(comparators: Comparators, rows: Rows, step_s: float) -> tuple[Rows, np.ndarray]:
-    """Restrict the watched part of rows to the armed window; also return which rows begin as the window opens.
-
-    Parameters
-    ----------
-    step_s : length of a step [s]
-
-    Returns
-    -------
-    the rows, and a mask (row) of those that begin as the window opens.
-    """
+    """Restrict the watched part of rows to the armed window; also return which rows begin as the window opens."""
     opens, closes = (np.ceil(at_s / step_s) for at_s in (comparators.from_s, comparators.to_s))
     first = np.maximum(rows.first, (opens - rows.start).astype(np.int64))
     last = np.minimum(rows.last, (closes - rows.start).astype(np.int64))
@@ -232,7 +215,6 @@ def _is_watched(rows: Rows, step_s: float, pixel: np.ndarray, at_s: np.ndarray) 
 
     Parameters
     ----------
-    step_s : length of a step [s]
     pixel, at_s : numbers of pixels, and a time for each [s]
     """
     row, end = np.searchsorted(rows.pixel, pixel), np.searchsorted(rows.pixel, pixel, "right")
@@ -278,9 +260,7 @@ def _time_crossings(
 
     Parameters
     ----------
-    made : the analog signals of all rows
     row, latch : (trace) row, and where its comparator latched [steps]
-    threads : number of threads (None: one for each core). The result is the same to the bit
     """
     still, rows, step_s = made.still, made.rows, axis.step_s
     assert still is not None

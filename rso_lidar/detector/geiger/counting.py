@@ -39,10 +39,6 @@ def find_least_counts(
 ) -> np.ndarray:
     """Find the least counts of a peak that noise forms no more often than this.
 
-    Parameters
-    ----------
-    noise_per_s, gate_s, bin_s : as for `false_peak_probability`
-
     Returns
     -------
     least counts, in the shape of `noise_per_s`.

@@ -31,12 +31,6 @@ class BuiltGeigerArray(BuiltDetector):
     def detect(self, photons: Photons, rng: np.random.Generator, threads: int | None) -> tuple[Reading, None]:
         """Count the photons of the pulses of one frame, and report the peaks that have counts enough.
 
-        Parameters
-        ----------
-        photons : light on every pixel, of each pulse
-        rng : generator of all noise
-        threads : number of threads (None: one for each core). The result is the same to the bit
-
         Returns
         -------
         reading of the frame; a detector that counts has no waveforms.
@@ -122,16 +116,6 @@ class BuiltGeigerArray(BuiltDetector):
 
         The first avalanches of a return are taken as normal about their mean. A peak holds those within its window, and the
         dark counts that fall into it in the other pulses.
-
-        Parameters
-        ----------
-        pulse : the laser's pulse
-        photons, depth_s : (return) expected photons of a pulse, and the time over which a surface stretches them [s]
-        only_probability : not used: all members are computed together
-
-        Returns
-        -------
-        probability, precision, signal over noise and saturation of each return.
         """
         from scipy.special import erf
 
@@ -168,11 +152,6 @@ class BuiltGeigerArray(BuiltDetector):
 
         The report is the highest peak wherever it lies, which has no closed form for light of any depth. The pixels of the
         array do not affect each other, so that those without light need not be simulated. The random seed is fixed.
-
-        Parameters
-        ----------
-        photons : light on every pixel, of each pulse
-        mine : (return) whether a report of this return counts
         """
         array = self.part
         n_pixels = photons.shape[0] * photons.shape[1]

@@ -123,7 +123,6 @@ def _fill_with_known_weights(
 
     Parameters
     ----------
-    clipped : (trace, sample) samples at the rail, None without
     unknown : (trace) key of a pattern whose weights the filter lacks; 0 if it has all
     unknown_at : (trace) place [samples] at which that pattern is needed
     """
@@ -297,10 +296,6 @@ def drop_weak_pulses(
     ----------
     place, height, alive : (slot) of the pulses, changed in place
     apart : least distance [samples]
-
-    Returns
-    -------
-    number of pulses left.
     """
     left = 0
     for slot in range(alive.shape[0]):

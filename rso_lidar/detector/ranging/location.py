@@ -54,7 +54,6 @@ class Locator:
 
         Parameters
         ----------
-        pulse : shape of a return behind the amplifier
         ranging, sigma_counts, threshold_counts, recovery_s : as for `Locator`
         sample_s, pole_s : time between samples and τ of the amplifier's poles [s]
         """
@@ -153,13 +152,7 @@ def _place(samples: np.ndarray, peak: np.ndarray, locator: Locator, threshold_co
 
 
 def _measure_place(samples: np.ndarray, peak: np.ndarray, locator: Locator) -> np.ndarray:
-    """Return the vertex of the parabola through each peak [samples], or the centroid about it.
-
-    Parameters
-    ----------
-    samples : (trace, sample) [counts]
-    peak : (trace) sample of the peak
-    """
+    """Return the vertex of the parabola through each peak [samples], or the centroid about it."""
     if locator.ranging.algorithm == "parabola":
         vertex: np.ndarray = peak + locate_vertices(samples, peak)
         return vertex
@@ -171,8 +164,6 @@ def _crossing(samples: np.ndarray, peak: np.ndarray, level: np.ndarray) -> np.nd
 
     Parameters
     ----------
-    samples : (trace, sample) [counts]
-    peak : (trace) sample of the peak
     level : (trace) [counts]
     """
     n, row = samples.shape[1], np.arange(len(samples))
@@ -190,8 +181,6 @@ def _centroid(samples: np.ndarray, peak: np.ndarray, matched: Matched) -> np.nda
 
     Parameters
     ----------
-    samples : (trace, sample) [counts]
-    peak : (trace) sample of the peak
     matched : the filter. Sigma is that of a Gaussian of its FWHM
     """
     reach = max(1, int(2.0 * matched.fwhm / units.FWHM_PER_SIGMA))
@@ -223,9 +212,8 @@ def locate_all(
     samples : (trace, sample) [counts] above the baseline, float32
     most : greatest number of pulses in a trace
     clipped : (trace, sample) samples at the rail
-    railed : (trace, sample) samples at the rail of the converter or of an amplifier that saturates; None without the latter.
-        Then the edges give the place of any pulse that reaches it
     least_counts : least height of a pulse [counts] (None: the threshold)
+    railed : as for `locate`
 
     Returns
     -------
@@ -268,7 +256,6 @@ def _without_others(
     ----------
     samples : (trace, sample) [counts]
     place, height : (trace, slot) of the fitted pulses [samples] and [counts]
-    slot : the pulse that stays
     """
     alone = samples.copy()
     for other in range(place.shape[1]):

@@ -22,10 +22,6 @@ def find_first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
     ----------
     samples : (sample) of one trace
     least : lowest sample that can be a peak
-
-    Returns
-    -------
-    number of the sample.
     """
     n, sample = samples.shape[0], max(start, 0)
     before = smooth_sample(samples, sample - 1) if sample > 0 else np.float32(-np.inf)
@@ -105,10 +101,6 @@ def find_plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
     ----------
     clipped : (trace, sample), or empty without clipped samples
     trace, peak : number of the trace, and sample of the peak
-
-    Returns
-    -------
-    first and last sample of the run.
     """
     low, high = peak, peak
     if clipped.shape[0] and clipped[trace, peak]:
@@ -147,10 +139,6 @@ def find_peaks(
     samples : (sample) of one trace
     apart : least distance of two peaks [samples]
     statistic : (sample) scratch space
-
-    Returns
-    -------
-    number of peaks.
     """
     n, here, before = samples.shape[0], smooth_sample(samples, 0), np.float32(-np.inf)
     any_left = False

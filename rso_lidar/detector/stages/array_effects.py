@@ -27,7 +27,6 @@ def limit_amplitude(saturation: Saturation, amplitude: np.ndarray, step_s: float
     Parameters
     ----------
     amplitude : (row, step) [electrons]
-    step_s : length of a step [s]
     """
     fade = np.float32(np.exp(-step_s / (saturation.recovery_ns * units.NS)))
     rail = np.float32(saturation.rail_electrons)
@@ -49,7 +48,6 @@ def solve_gain(droop: Droop, electrons: np.ndarray, step_s: float, steady_per_s:
     Parameters
     ----------
     electrons : (step) electrons that all pixels draw in each step at the gain of rest
-    step_s : length of a step [s]
     steady_per_s : electrons that have flowed for long before, at the gain of rest [1/s]
     """
     from scipy.signal import lfilter
@@ -81,7 +79,6 @@ def latch_share(at_s: np.ndarray, latch_s: np.ndarray, clock_s: float, n_pixels:
     at_s : (pixel) instants, such as those at which these pixels latch themselves [s]
     latch_s : (latch) when pixels of the array latched [s]
     clock_s : time between samples [s]
-    n_pixels : pixels of the array
     """
     order = np.sort(latch_s)
     together = np.searchsorted(order, at_s + clock_s, "right") - np.searchsorted(order, at_s - clock_s)

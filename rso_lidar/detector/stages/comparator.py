@@ -25,8 +25,6 @@ class Bridge:
 
         Parameters
         ----------
-        pole_s : time constant of the amplifier [s]
-        step_s : length of a step [s]
         points : number of points between two steps
         """
         known = np.arange(-1.0, 3.0) * step_s / pole_s
@@ -62,7 +60,6 @@ class Bridge:
         mean : (row, step) the amplitude without noise [electrons]
         row, step : where to draw
         sigma : rms of the noise there [electrons]
-        rng : random generator of the noise between the steps
         """
         around = np.clip(step[:, None] + np.arange(-2, 4), 0, amplitude.shape[1] - 1)
         near = around[:, 1:5]
@@ -146,16 +143,10 @@ def find_first_crossings(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    primaries : (row, step) expected photoelectrons in a step
-    threshold : (row) [electrons]
-    base_per_s : (row) primaries that no pulse makes [1/s]
-    first, last : (row) the steps from which, and before which, the comparator is watched
-    arming : (row) whether the pixel is armed at `first`
-    hysteresis : [electrons]
     per_step_s : one over the length of a step [1/s]
     quiet_square, square_s : mean square of the noise, and what each primary a second adds
     latch : (row) written
+    amplitude, primaries, threshold, base_per_s, first, last, arming, hysteresis : as for `find_latches`
     """
     for row in range(amplitude.shape[0]):
         level = threshold[row]
@@ -216,8 +207,6 @@ def find_crossings_between(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Return where (row) [steps] rows that are below the threshold at every step cross it between two steps, or -1.
-
-    `mean` (row, step) is the amplitude without noise, `sigma` (row, step) the rms of the noise [electrons].
 
     Parameters
     ----------

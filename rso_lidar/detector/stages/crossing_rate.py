@@ -154,7 +154,6 @@ def _log_crossings(T: np.ndarray, apd: Apd, pulses: float, noise: float, peak: f
 
     Parameters
     ----------
-    T : thresholds [electrons], ascending
     noise, peak : rms of the amplifier's noise, and its integration time over τ
     """
     sigma = math.sqrt(noise**2 + pulses * cumulants(apd)[1] * peak**2 / 4.0)

@@ -31,7 +31,6 @@ def rates_per_s(apd: Apd, amplifier: Amplifier, threshold: np.ndarray, base_per_
 
     Parameters
     ----------
-    apd, amplifier : where the noise comes from
     threshold : (pixel) [electrons]
     base_per_s : (pixel) primaries of dark current and sunlight [1/s]
     """
@@ -81,12 +80,7 @@ class Comparators:
 def build_comparators(
     apd: Apd, amplifier: Amplifier, trigger: Trigger, pixels: CameraPixels, from_s: float, to_s: float
 ) -> Comparators:
-    """Build the comparators of a camera.
-
-    Parameters
-    ----------
-    apd, amplifier, trigger, pixels, from_s, to_s : as for `Comparators`
-    """
+    """Build the comparators of a camera."""
 
     @lru_cache(maxsize=8)
     def find_rates(level: int | None) -> FalseRates:
@@ -242,14 +236,9 @@ def draw_false_traces(
 
     Parameters
     ----------
-    apd, amplifier, readout : where the noise comes from, and what is stored
     crossing_s : (trace) when the noise crosses [s since emission]
     threshold : (trace) [electrons]
     base_per_s : (trace) primaries of dark current and sunlight [1/s]
-
-    Returns
-    -------
-    amplitudes (trace, sample) [electrons], and numbers of the first samples (trace).
     """
     pole_s, lag = amplifier.pole_s, readout.sample_s / amplifier.pole_s
     sigma = noise_rms(apd, base_per_s, amplifier.noise_electrons, pole_s, amplifier.integration_s)
@@ -279,10 +268,6 @@ def draw_onward(
     value, slope : (trace) of the noise before the first sample
     first_lag : (trace) from there to the first sample
     n : number of samples
-
-    Returns
-    -------
-    (trace, sample) f8.
     """
     samples, white = np.empty((n, len(value))), rng.standard_normal((n, 2, len(value)))
     known = packed(value, np.float64), packed(slope, np.float64), packed(first_lag, np.float64)

@@ -69,10 +69,6 @@ def sample_rows(
     offset_counts : (trace) baseline, and what a pixel adds to it
     quantised : whether counts are whole
     counts : (trace, sample) written
-
-    Returns
-    -------
-    number of traces filled.
     """
     for trace in range(counts.shape[0]):
         last = first[trace] + (counts.shape[1] - 1) * per_sample
@@ -120,16 +116,10 @@ def merge_low_gain(
 
     Parameters
     ----------
-    readout : the converters, with `low_gain`
     amplitude : (row, step) [electrons]
-    rows : stretches of time of the rows
     row, first : (trace) row and step of the first sample
     offset_counts : (trace) offset of the pixel
     counts : (trace, sample) of the first channel, changed in place
-
-    Returns
-    -------
-    (trace, sample) bool, whether both channels clip.
     """
     low = readout.low_gain
     assert low is not None

@@ -229,13 +229,6 @@ class SlewProfile:
     def fastest(start_s: float, angle_rad: float, rate_rad_s: float, acceleration_rad_s2: float) -> SlewProfile:
         """Plan the fastest rotation: a trapezoid of rate, or a triangle if the rate limit is not reached.
 
-        Parameters
-        ----------
-        start_s : start of the slew [s]
-        angle_rad : angle of rotation [rad]
-        rate_rad_s : rate limit [rad/s]
-        acceleration_rad_s2 : acceleration limit [rad/s2]
-
         Returns
         -------
         the profile, with a ramp of at least 1 ms

@@ -177,17 +177,7 @@ def _sine(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _refuse(situation: Situation, bad: np.ndarray, what: str, cure: str) -> None:
-    """Raise an error if a law is undetermined at some epochs.
-
-    Parameters
-    ----------
-    bad : mask (time) of these epochs
-
-    Raises
-    ------
-    PropagationError
-        If `bad` is true anywhere
-    """
+    """Raise `PropagationError` with the mask (time) of the epochs at which a law is undetermined, if there are any."""
     if bad.any():
         at = situation.epochs.time_s[np.argmax(bad)]
         raise PropagationError(

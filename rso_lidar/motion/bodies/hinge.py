@@ -158,11 +158,6 @@ class HingeAxes(Part):
         Returns
         -------
         angle [rad] and rate [rad/s] (time,)
-
-        Raises
-        ------
-        ScenarioError
-            If the hinge follows the Sun and there is none
         """
         law = self.angle
         if isinstance(law, FixedAngle):

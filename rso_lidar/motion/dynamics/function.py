@@ -95,23 +95,7 @@ def wrap_dynamics(function: Function, label: str, n: int, answer: str = "") -> F
     """
 
     def call_checked(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Call the function of the dynamics and check its result.
-
-        Parameters
-        ----------
-        t : time since `start_utc` [s]
-        x : state (n,)
-        u : inputs (m,)
-
-        Returns
-        -------
-        derivatives (n,)
-
-        Raises
-        ------
-        ScenarioError
-            If the function fails, or if its result is not (n,) finite numbers
-        """
+        """Call the function of the dynamics; raise `ScenarioError` unless its result is (n,) finite numbers."""
         x = x.copy()  # f must not change the state by writing into its arguments, nor keep what changes later
         x.setflags(write=False)
         if u.flags.writeable:
@@ -184,25 +168,12 @@ class _SourceLoader(importlib.machinery.SourceFileLoader):
         raise OSError
 
     def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
-        """Do not write a compiled file.
-
-        Parameters
-        ----------
-        path, data, _mode : as in `importlib.abc.SourceLoader`, ignored
-        """
+        """Do not write a compiled file."""
 
 
 @functools.lru_cache(maxsize=32)
 def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
     """Run a Python file as a module, cached until its modification time or size changes.
-
-    Parameters
-    ----------
-    _modified_ns, _size : modification time and size of the file, the key of the cache
-
-    Returns
-    -------
-    the module
 
     Raises
     ------

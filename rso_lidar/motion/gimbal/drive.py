@@ -86,15 +86,11 @@ class _Drive(Travel):
         return math.inf if self.max_acceleration_deg_s2 is None else self.max_acceleration_deg_s2 * units.DEG
 
     def limits(self, dt: float) -> Pair:
-        """Return the greatest rate, and its greatest change in a time step.
+        """Return the greatest rate [rad/s], and its greatest change [rad/s] in a time step.
 
         Parameters
         ----------
         dt : time step [s]
-
-        Returns
-        -------
-        rate [rad/s] and change of rate [rad/s]
         """
         return self.max_rate_rad_s, self.max_acceleration_rad_s2 * dt
 
@@ -268,16 +264,8 @@ def advance_second_order(
 
     Parameters
     ----------
-    dt : how long each demand is held [s]
     law : transition matrix over `dt`, by rows
-    limits : greatest rate [rad/s], and greatest change of it in `dt` [rad/s]
-    travel : lower and upper end of the axis [rad]
-    axis : angle [rad] and rate [rad/s] at the start
-    demanded : demands (tick) f8 [rad]
-
-    Returns
-    -------
-    angle [rad] and rate [rad/s] after the last demand
+    dt, limits, travel, axis, demanded : as for `advance_first_order`
     """
     (x, v), (low, high), (most, change), (xx, xv, vx, vv) = axis, travel, limits, law
     for d in demanded:

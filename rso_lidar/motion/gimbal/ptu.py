@@ -316,16 +316,7 @@ def _sample_demand(
     latency: int,
     travel: tuple[Pair, Pair],
 ) -> np.ndarray:
-    """Sample demand and commands at ticks, within the travel.
-
-    Parameters
-    ----------
-    travel : lower and upper limits of pan and of tilt [rad]
-
-    Returns
-    -------
-    demanded pan and tilt (tick, 2) [rad]
-    """
+    """Sample demand and commands at ticks (tick, 2) [rad], within the travel."""
     both = all(command.pan_rad is not None and command.tilt_rad is not None for _, command in commands)
     if commands and commands[0][0] <= first and both:
         demanded = np.empty((end - first, 2))
@@ -348,16 +339,7 @@ def _sample_demand(
 def _follow_demand(
     response: Ideal, demand: Demand, commands: tuple[tuple[int, Command], ...], time_s: float, latency: int
 ) -> tuple[Pair, Pair]:
-    """Evaluate the demand of an ideal drive, and its rates by central difference over a tick.
-
-    Parameters
-    ----------
-    time_s : instant [s]
-
-    Returns
-    -------
-    pan and tilt [rad], and their rates [rad/s]
-    """
+    """Evaluate the demand [rad] of an ideal drive, and its rates [rad/s] by central difference over a tick."""
     now = time_s - latency / TICKS_PER_S
     around = np.maximum([now, now - TICK_S / 2, now + TICK_S / 2], 0.0)
     demanded = demand(around)

@@ -89,12 +89,7 @@ class FmuMotion(FmuDynamics, PlacedMotion):
     def _interpolate(
         self, before: np.ndarray, after: np.ndarray, share: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return position, velocity and acceleration (time, 3) of the cubics between outputs.
-
-        Parameters
-        ----------
-        before, after, share : as `FmuHistory.around` returns them
-        """
+        """Return position, velocity and acceleration (time, 3) of the cubics between outputs."""
         return interpolate_cubic(before[:, :3], after[:, :3], (before[:, 3:6], after[:, 3:6]), share, self.step_s)
 
     def find_specific_force(self, flight: CommandedFlight | None, time_s: np.ndarray) -> np.ndarray:

@@ -181,21 +181,7 @@ def read_table(path: str | Path) -> TableRows:
 
 @functools.lru_cache(maxsize=16)
 def _read_file(path: Path, _modified_ns: int, _size: int) -> TableRows:
-    """Read a table, cached until its modification time or size changes.
-
-    Parameters
-    ----------
-    _modified_ns, _size : modification time and size of the file, the key of the cache
-
-    Returns
-    -------
-    rows of the table
-
-    Raises
-    ------
-    ScenarioError
-        If the file is invalid
-    """
+    """Read a table, cached until its modification time or size changes."""
     text = read_text(path, MOST_BYTES, ScenarioError, "CSV file")
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text; name a CSV file")

@@ -110,13 +110,7 @@ def read_attitudes(file: str, wanted: str | None, axes: str | None) -> tuple[Att
 def _read_file(
     path: Path, _modified_ns: int, _size: int, wanted: str | None, axes: str | None
 ) -> tuple[AttitudeSegment, ...]:
-    """Read a table of attitudes, cached until the file changes.
-
-    Parameters
-    ----------
-    wanted, axes : as for `read_attitudes`
-    _modified_ns, _size : modification time and size of the file, the key of the cache
-    """
+    """Read a table of attitudes, cached until the file changes."""
     text = read_table_text(path)
     if not is_message(text):
         if wanted is not None:

@@ -161,13 +161,7 @@ class ConjunctionMessage:
 
 
 def _read_parts(text: str, where: str) -> tuple[KeywordBlock, list[KeywordBlock]]:
-    """Read the keywords of the conjunction, and of its two objects, which the keyword OBJECT begins.
-
-    Raises
-    ------
-    ScenarioError
-        if the text does not follow the format, or does not hold two objects
-    """
+    """Read the keywords of the conjunction, and of its two objects, which the keyword OBJECT begins."""
     version, entries = read_keywords(text, "CDM", where)
     check_version(version, "CDM", where, "12")
     common = KeywordBlock(where, "the message")

@@ -164,18 +164,12 @@ def _open(
 
     Parameters
     ----------
-    path, modified_ns, size : the file, and time of its last change [ns] and size [bytes], the key of the cache
     wanted : name or identifier of one object of a message; None for the only one
     interpolation, degree : choice of the part; None for that of the file
 
     Returns
     -------
     segments in the order of time, what to warn of, and the farthest position (arc, 3) of each segment in ITRF [m]
-
-    Raises
-    ------
-    ScenarioError
-        if the file is invalid, or its interpolation is no orbit
     """
     arcs = read_arcs(path, modified_ns, size, wanted)
     fixed = [arc.position_m for arc in arcs if arc.frame == "itrs"]

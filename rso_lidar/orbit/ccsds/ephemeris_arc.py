@@ -62,11 +62,6 @@ class EphemerisArc(TableSegment):
         Parameters
         ----------
         interpolation, degree : choice of the part; None for that of the file
-
-        Raises
-        ------
-        ScenarioError
-            if the method is unknown, or needs velocities that are missing
         """
         method = interpolation or self.interpolation or ("lagrange" if self.velocity_m_s is None else "hermite")
         order = degree or self.degree or DEGREE
@@ -86,7 +81,6 @@ class EphemerisArc(TableSegment):
         Parameters
         ----------
         time_s : (time,) instants since the segment's start, within its rows [s]
-        degree : see `choose`
         """
         if method == "hermite":
             assert self.velocity_m_s is not None
@@ -125,12 +119,7 @@ def read_arcs(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> 
 
     Parameters
     ----------
-    _modified_ns, _size : modification time and size of the file, the key of the cache
     wanted : name or identifier of one object of a message; None for the only one
-
-    Returns
-    -------
-    segments in the order of time
 
     Raises
     ------
@@ -185,15 +174,6 @@ def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datet
     Parameters
     ----------
     start_utc : instant from which all times count; None for the first row of this segment
-
-    Returns
-    -------
-    states of the segment in its own frame
-
-    Raises
-    ------
-    ScenarioError
-        if the centre is not the Earth, the frame is not supported, or a row is invalid
     """
     at = f"{message.where}: line {segment.line}"
     check_center("CENTER_NAME", message.require(segment, "CENTER_NAME"), message.where)

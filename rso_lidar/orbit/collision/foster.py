@@ -47,11 +47,6 @@ def disc_probability(mean_m: np.ndarray, covariance_m2: np.ndarray, radius_m: fl
     ----------
     mean_m : (2,) mean of the vector [m]
     covariance_m2 : (2, 2) its covariance [m2]
-    radius_m : radius of the disc [m]
-
-    Returns
-    -------
-    probability, 0 to 1
 
     Raises
     ------

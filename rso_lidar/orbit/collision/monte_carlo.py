@@ -122,12 +122,7 @@ def sample_collisions(
 
 
 def choose_samples(first: UncertainState, second: UncertainState, radius_m: float) -> int:
-    """Return the number of draws that gives some 1000 hits by Foster's probability, within bounds.
-
-    Parameters
-    ----------
-    radius_m : combined hard-body radius [m]
-    """
+    """Return the number of draws that gives some 1000 hits by Foster's probability, within bounds."""
     try:
         probability = foster_probability(first, second, radius_m)
     except ScenarioError:  # Foster's plane does not exist
@@ -142,7 +137,6 @@ def _count_hits(first: np.ndarray, second: np.ndarray, radius_m: float, window_s
     Parameters
     ----------
     first, second : (draw, 6) states of both objects [m], [m/s]
-    radius_m : combined hard-body radius [m]
     window_s : time searched on each side [s]
     perigee_rad_s : angular rate at the lower perigee [rad/s]
     """
@@ -187,9 +181,6 @@ def _scan(first: np.ndarray, second: np.ndarray, radius_m: float, window_s: floa
     Parameters
     ----------
     first, second : (draw, 6) states of both objects
-    radius_m : combined hard-body radius [m]
-    window_s : time searched on each side [s]
-    perigee_rad_s : angular rate at the lower perigee [rad/s]
     """
     nodes = max(math.ceil(2.0 * window_s * perigee_rad_s / _STEP_RAD), 8) + 1
     time_s = np.linspace(-window_s, window_s, nodes)

@@ -44,12 +44,7 @@ def itrs_from_gcrs(epochs: Epochs, orientation: EarthOrientation | None = None) 
 
 
 def itrs_from_gcrs_rate(epochs: Epochs, orientation: EarthOrientation | None = None) -> np.ndarray:
-    """Return the derivatives (time, 3, 3) [1/s] of `itrs_from_gcrs`, which the velocity in Earth-fixed axes needs.
-
-    Parameters
-    ----------
-    orientation : as for `itrs_from_gcrs`
-    """
+    """Return the derivatives (time, 3, 3) [1/s] of `itrs_from_gcrs`, which the velocity in Earth-fixed axes needs."""
     after, before = (
         itrs_from_gcrs(Epochs(epochs.start_utc, epochs.time_s + step_s), orientation) for step_s in (_STEP_S, -_STEP_S)
     )

@@ -228,8 +228,6 @@ def _light_phase(sky: Almanac, time_s: float, r: Vector3) -> int:
 
     Parameters
     ----------
-    sky : where the Sun is
-    time_s : time since the start of the run [s]
     r : position [m]
     """
     share = float(sunlit_fraction(np.array([r]), np.array([sky(time_s)[1]]))[0])
@@ -259,10 +257,6 @@ def _zonal_acceleration(zonals: tuple[float, ...], r: Any, radius: Any, pole: Ve
     zonals : J2 and on
     r, radius : position [m] and its length; components may be arrays of one shape
     pole : unit vector along the Earth's axis
-
-    Returns
-    -------
-    the three components, numbers or arrays
     """
     s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
     ratio = units.EARTH_ZONAL_RADIUS_M / radius

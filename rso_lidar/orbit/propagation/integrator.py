@@ -103,7 +103,6 @@ class _Direction:
         Parameters
         ----------
         way : 1 forward, -1 backward
-        f, x0, panel_s, jumps, breaks, phase, name : as for `OdeSolution`
         tolerances : relative and absolute tolerance of DOP853
         """
         self._way, self._f, self._panel_s, self._tolerances, self._name = way, f, panel_s, tolerances, name

@@ -321,13 +321,7 @@ _integrated_orbit = functools.lru_cache(maxsize=64)(IntegratedOrbit)
 
 
 def _set_entry(entry: int, value: float, state: np.ndarray) -> np.ndarray:
-    """Return a copy of a state with one entry replaced.
-
-    Parameters
-    ----------
-    entry : index of the entry
-    state : (n,) the state
-    """
+    """Return a copy of a state (n,) with one entry replaced."""
     after = np.array(state)
     after[entry] = value
     return after

@@ -125,12 +125,7 @@ def screen_pairs(
 
 
 def _add_bounds(bounds: OrbitBounds, number: int, others: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Add the bounds of one set to those of others, as `find_near_cells` needs them.
-
-    Parameters
-    ----------
-    number, others : numbers of the sets
-    """
+    """Add the bounds of one set to those of others, as `find_near_cells` needs them."""
     speed, fourth, off = bounds.speed_m_s, bounds.fourth_m_s4, bounds.off_m
     return speed[number] + speed[others], fourth[number] + fourth[others], off[number] + off[others]
 
@@ -176,7 +171,6 @@ def _select_partners(
     Parameters
     ----------
     span_s : (set, 2) when each set applies [s since the start]
-    within_m : limit of range [m]
     """
     after = np.arange(number + 1, len(span_s))
     begin_s, end_s = np.maximum(span_s[after, 0], span_s[number, 0]), np.minimum(span_s[after, 1], span_s[number, 1])

@@ -146,11 +146,6 @@ class ScheduledFleet:
     def switches(self, which: int, from_s: float, to_s: float) -> int:
         """Count the switches of an object between its sets from one instant to another.
 
-        Parameters
-        ----------
-        which : number of the object
-        from_s, to_s : instants [s since the start]
-
         Returns
         -------
         number of switches, negative if `to_s` is before `from_s`, and 0 for a trajectory
@@ -189,10 +184,6 @@ def check_object(entry: Any, name: str) -> None:
 
 def _schedule(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> list[tuple[float, ElementSet]]:
     """Select the sets of one object that apply within a span; of equal epochs the first.
-
-    Parameters
-    ----------
-    duration_s : length of the span [s]
 
     Returns
     -------

@@ -141,12 +141,7 @@ class TrajectoryPiece:
         return position, velocity
 
     def measure_bounds(self, step_s: float) -> PieceBounds:
-        """Measure the bounds of the piece.
-
-        Parameters
-        ----------
-        step_s : greatest step of the coarse grid [s]
-        """
+        """Measure the bounds of the piece."""
         sub_s = step_s / CUT
         last = int(np.ceil((self.to_s - self.from_s) / sub_s)) + CUT
         low, high, fastest, off = np.inf, 0.0, 0.0, 0.0
@@ -171,11 +166,6 @@ def find_pieces(
     entry: Trajectory, number: int, start_utc: datetime.datetime, duration_s: float, step_s: float
 ) -> tuple[list[TrajectoryPiece], list[str]]:
     """Cut a trajectory into smooth pieces over a span.
-
-    Parameters
-    ----------
-    duration_s : length of the span [s]
-    step_s : greatest step of the coarse grid [s]
 
     Returns
     -------
@@ -220,7 +210,6 @@ def sample_states(
 
     Parameters
     ----------
-    start_utc : instant from which seconds are counted
     time_s : (time,) instants [s]
     """
     position, velocity = np.full((len(time_s), 3), np.nan), np.full((len(time_s), 3), np.nan)
@@ -252,14 +241,7 @@ def sample_states(
 def _find_runs(
     entry: Trajectory, start_utc: datetime.datetime, first_s: float, last_s: float, sub_s: float
 ) -> tuple[list[tuple[float, float]], list[str]]:
-    """Find the spans with states between two breaks, each to 0.1 ms, and reasons for what is missing.
-
-    Parameters
-    ----------
-    start_utc : instant from which seconds are counted
-    first_s, last_s : the span [s]
-    sub_s : step of the samples [s]
-    """
+    """Find the spans with states between two breaks, each to 0.1 ms, and reasons for what is missing."""
     time_s = np.linspace(first_s, last_s, max(int(np.ceil((last_s - first_s) / sub_s)), 1) + 1)
     known, reasons = np.empty(0, dtype=bool), []
     for begin in range(0, len(time_s), _AT_ONCE):
@@ -279,13 +261,7 @@ def _find_runs(
 
 
 def _bisect(entry: Trajectory, start_utc: datetime.datetime, known_s: float, unknown_s: float) -> float:
-    """Return the last instant [s] with a state between one with and one without, to 0.1 ms.
-
-    Parameters
-    ----------
-    start_utc : instant from which seconds are counted
-    known_s, unknown_s : the two instants [s]
-    """
+    """Return the last instant [s] with a state between one with and one without, to 0.1 ms."""
     while abs(unknown_s - known_s) > SWITCH_S:
         middle = 0.5 * (known_s + unknown_s)
         if np.isfinite(sample_states(entry, start_utc, np.array([middle]))[0][0, 0]):
@@ -298,12 +274,7 @@ def _bisect(entry: Trajectory, start_utc: datetime.datetime, known_s: float, unk
 def _describe_gaps(
     pieces: Sequence[TrajectoryPiece], start_utc: datetime.datetime, duration_s: float, reasons: Sequence[str]
 ) -> list[str]:
-    """Describe the parts of a span without a state.
-
-    Parameters
-    ----------
-    duration_s : length of the span [s]
-    """
+    """Describe the parts of a span without a state."""
     if not pieces:
         return [f"has no state in the span ({reasons[0] if reasons else 'its states are not finite'})"]
     ends = [0.0, *(second for piece in pieces for second in (piece.from_s, piece.to_s)), duration_s]
@@ -328,7 +299,6 @@ def _measure_cubic(position_m: np.ndarray, velocity_m_s: np.ndarray, sub_s: floa
     Parameters
     ----------
     position_m, velocity_m_s : (time, 3) samples [m], [m/s]
-    sub_s : time between them [s]
     """
     if len(position_m) <= CUT:
         return 0.0

@@ -347,12 +347,7 @@ class Tle(Part):
 
 
 def _summarize(kind: str, elements: ElementSet, age_days: float) -> str:
-    """Return a motion by SGP4 in a few words.
-
-    Parameters
-    ----------
-    age_days : age of the elements at the start [day]
-    """
+    """Return a motion by SGP4 in a few words."""
     return f"{kind} {elements.norad_id} {elements.name}, {age_days:.1f} days from epoch"
 
 

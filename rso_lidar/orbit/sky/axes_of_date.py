@@ -18,15 +18,11 @@ DateAxes = Literal["mod", "tod", "teme"]
 
 
 def gcrs_from_axes_of_date(axes: DateAxes, at: Epochs) -> np.ndarray:
-    """Return the rotation matrices that take coordinates in axes of date to GCRS coordinates.
+    """Return the rotation matrices (time, 3, 3) that take coordinates in axes of date to GCRS coordinates.
 
     Parameters
     ----------
     axes : "mod" (mean equator and equinox), "tod" (true equator and equinox) or "teme" (true equator, mean equinox)
-
-    Returns
-    -------
-    (time, 3, 3)
     """
     whole, fraction = at.tt_julian()
     in_hours = fraction * 24.0

@@ -344,16 +344,6 @@ class _Ellipse:
 
 
 def _propagate_one(r: np.ndarray, v: np.ndarray, dt_s: float) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Propagate one state by universal variables to one time.
-
-    Parameters
-    ----------
-    r, v : (3,) state [m], [m/s]
-    dt_s : time [s]
-
-    Returns
-    -------
-    position and velocity (3,) [m], [m/s], and whether the iteration failed
-    """
+    """Propagate one state (3,) by universal variables to one time; also return whether the iteration failed."""
     position, velocity, bad = propagate_universal(r, v, np.array([dt_s]), inverse_semi_major_axis(r, v))
     return position[0], velocity[0], bool(bad[0])

@@ -104,14 +104,7 @@ class FilteredFlight:
         return position[0], velocity[0]
 
     def follow(self, orbit: IntegratedOrbit, begin_s: float, now_s: float, burns: Sequence[CarriedBurn]) -> None:
-        """Follow a piece of the path that was flown: propagate the estimate along it, and measure.
-
-        Parameters
-        ----------
-        orbit : the piece
-        begin_s, now_s : its span [s]
-        burns : those of the piece
-        """
+        """Follow a piece of the path that was flown: propagate the estimate along it, and measure."""
         instants = self._part.list_instants_s(begin_s, now_s)
         edges = [edge for leg in self._held for edge in leg.edges_s if begin_s < edge < now_s]
         middles = [burn.middle_s for burn in burns]
@@ -155,12 +148,7 @@ class FilteredFlight:
         self._bank.add_burn((axes @ (expected - burn.done_m_s))[:, None], covariance[:, :, None])
 
     def _step(self, flow: DeviationFlow, node: int, held: Sequence[tuple[HeldThrust, HeldThrustErrors]]) -> None:
-        """Propagate the estimate to the next node.
-
-        Parameters
-        ----------
-        held : legs that thrust holds, and its errors
-        """
+        """Propagate the estimate to the next node."""
         begin_s, end_s = float(flow.node_s[node]), float(flow.node_s[node + 1])
         thrust = None
         for leg, errors in held:

@@ -245,12 +245,7 @@ class Flown(RtnMotion):
 
 @functools.lru_cache(maxsize=32)
 def _make_flight(motion: Flown, plan: Plan, reference: ReferenceOrbit) -> PlanFlight:
-    """Make the flight of a motion whose forces are known.
-
-    Parameters
-    ----------
-    reference : orbit of that body
-    """
+    """Make the flight of a motion whose forces are known."""
     assert motion.forces is not None
     settings = FlightSettings(motion.forces, motion.thrusters, motion.guidance, motion.navigation, motion.seed or 0)
     return PlanFlight(plan, reference, settings, _find_start(motion, reference))

@@ -240,14 +240,7 @@ class Steering:
 
 
 def _find_aim_s(plan: Plan, time_s: float, next_s: float) -> float:
-    """Return the instant of the plan's next event [s], or of the next update.
-
-    Parameters
-    ----------
-    plan : plan that is flown
-    time_s : instant of the correction [s]
-    next_s : instant of the next update [s]
-    """
+    """Return the instant of the plan's next event [s], or of the next update."""
     begins = [leg.begin_s for leg in plan.legs]
     events = [*begins, *(impulse.time_s for impulse in plan.impulses)]
     ahead = min((at_s for at_s in events if at_s > time_s + _SHORTEST_S), default=math.inf)
@@ -305,10 +298,6 @@ def _shoot(
 
 def check_impulses(guidance: object, impulses: object, now_s: float) -> tuple[PlannedImpulse, ...]:
     """Return the impulses that guidance wants, in order of time; those that are too small to matter are left out.
-
-    Parameters
-    ----------
-    now_s : present instant [s]
 
     Raises
     ------

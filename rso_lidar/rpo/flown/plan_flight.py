@@ -267,14 +267,9 @@ class PlanFlight:
 
         Parameters
         ----------
-        now_s : instant of the state [s]
         state : position [m] and velocity [m/s], each (3,), before impulses at this instant
         until_s : instant wanted [s]
         impulses : those on the way; one at `until_s` is not made
-
-        Returns
-        -------
-        position [m] and velocity [m/s], each (3,)
         """
         known: Forces | None = getattr(self.settings.guidance, "forces", None)
         reference, forces = self.reference, known or self.settings.forces
@@ -340,7 +335,6 @@ def _integrate(
     ----------
     start : inertial state (3,)
     reference : orbit of the body that is approached
-    begin_s : time of the state [s]
     """
     place = tuple(start.position_m.tolist()), tuple(start.velocity_m_s.tolist())
     return IntegratedOrbit(*place, reference.start_utc, forces, tuple(pushes), reference.orbit, begin_s)

@@ -199,7 +199,6 @@ class Thrusters(Part):
         Parameters
         ----------
         delta_v_m_s : its size [m/s]
-        mass_kg : mass before [kg]
         """
         if self.acceleration_m_s2 is not None:
             return delta_v_m_s / self.acceleration_m_s2

@@ -236,10 +236,6 @@ def _assimilate(
     slope : (3, run) derivative of the measurement
     innovation, variance : (run,) measured less expected, and the variance of the measurement
     seen : (run,) whether there is a measurement; None if there is in all
-
-    Returns
-    -------
-    state, covariance, gain
     """
     crossed = _sum_three(covariance, slope)
     gain = crossed / (np.sum(crossed[:3] * slope, axis=0) + variance)

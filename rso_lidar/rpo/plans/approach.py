@@ -110,13 +110,7 @@ class _AlongAnAxis(ProximityOperation):
         Parameters
         ----------
         n : mean motion of the body [rad/s]
-        each_s : duration of a hop [s]
         step_m : length of a hop, with its sign [m]
-        hops : number of hops
-
-        Returns
-        -------
-        the legs, and the impulses before, between and after them
         """
         arrival, legs, impulses = np.zeros(3), [], []
         for k in range(hops):

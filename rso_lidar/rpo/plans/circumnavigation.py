@@ -20,7 +20,7 @@ from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 def _find_ellipse_states(
     n: float, axes_m: tuple[float, float], phase_rad: np.ndarray, ahead_rad: float, centre_m: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the states of free flight on a 2:1 ellipse at its begin, by phase.
+    """Return position [m] and velocity [m/s] (…, 3) of free flight on a 2:1 ellipse at its begin, by phase.
 
     x = h + b cos(u), y = c - 3/2 n h t - 2 b sin(u), z = q sin(u + a), u = n t + phase (the relative orbit elements of
     Lovell & Spencer, J. Astronaut. Sci. 61, 2014).
@@ -32,10 +32,6 @@ def _find_ellipse_states(
     phase_rad : (…) phases [rad]
     ahead_rad : phase difference a [rad]
     centre_m : height h and initial along-track position c of the centre [m]
-
-    Returns
-    -------
-    position [m] and velocity [m/s], each (…, 3)
     """
     (b, q), (h, c) = axes_m, centre_m
     sine, cosine = np.sin(phase_rad), np.cos(phase_rad)

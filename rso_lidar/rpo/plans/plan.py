@@ -64,9 +64,7 @@ def make_coast(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray,
 
     Parameters
     ----------
-    begin_s : begin of the leg [s]
     position_m, velocity_m_s : (3,) state at its begin [m], [m/s]
-    mean_motion_rad_s : mean motion of the body that is approached [rad/s]
     """
     start = np.array(position_m, dtype=float), np.array(velocity_m_s, dtype=float)
     return Leg(begin_s, lambda time_s: clohessy_wiltshire(*start, time_s, mean_motion_rad_s))
@@ -77,7 +75,6 @@ def make_line(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray |
 
     Parameters
     ----------
-    begin_s : begin of the leg [s]
     position_m : (3,) position at its begin [m]
     velocity_m_s : (3,) [m/s]; None holds the position
     """
@@ -276,12 +273,6 @@ class Plan:
     ) -> tuple[float, float, float]:
         """Find the closest approach of a drift after a failure.
 
-        Parameters
-        ----------
-        begin_s : start of the leg [s]
-        failure_s : instant of the failure, since the start of the leg [s]
-        until_s : end of the drift [s]
-
         Returns
         -------
         distance [m], instant of the failure [s], and instant of the closest approach [s]
@@ -297,12 +288,7 @@ class Plan:
 
         Parameters
         ----------
-        begin_s, length_s : its begin and length [s]
         span : from, to and step of the samples of the drift [s]
-
-        Returns
-        -------
-        distance [m], instant of the failure [s], and instant of the nearest approach [s]
         """
         n, (from_s, to_s, step_s) = self.mean_motion_rad_s, span
         low, high, best = 0.0, length_s, (math.inf, 0.0, 0.0)

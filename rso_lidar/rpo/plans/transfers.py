@@ -95,16 +95,9 @@ def _plan_transfer(
 
     Parameters
     ----------
-    name : name of the operation
     start, before_m_s : (3,) state before the first impulse [m], [m/s]
     aim : (3,) position of arrival [m]
-    duration_s : time between the impulses [s]
     n : mean motion of the body [rad/s]
-    stop : whether a second impulse stops it
-
-    Returns
-    -------
-    the plan
     """
     departure = solve_departure_m_s(start, aim, duration_s, n)
     leg = make_coast(0.0, start, departure, n)
@@ -298,15 +291,11 @@ class Lambert(ProximityOperation):
 
 @functools.lru_cache(maxsize=128)
 def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]) -> Plan:
-    """Make the plan about a chief.
+    """Make the plan about a chief with the least delta-v of those that the part allows.
 
     Parameters
     ----------
     chief_m, chief_m_s : (3,) state of the chief in inertial axes [m], [m/s]
-
-    Returns
-    -------
-    the plan with the least delta-v of those that the part allows
 
     Raises
     ------
@@ -374,7 +363,6 @@ def _find_lowest_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> f
     Parameters
     ----------
     start_m : (3,) position of departure [m]
-    duration_s : its duration [s]
     """
     once_s = min(duration_s, math.tau / max(_find_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
     low_m = propagate_two_body(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]

@@ -17,7 +17,7 @@ _MISSED = 1e-9  # miss distance allowed, as a fraction of the way
 def solve_departure_m_s(
     from_m: np.ndarray, to_m: np.ndarray, duration_s: float, mean_motion_rad_s: float
 ) -> np.ndarray:
-    """Return the departure velocity of a transfer between two positions.
+    """Return the departure velocity (3,) [m/s] of a transfer between two positions, in rtn axes.
 
     After whole half revolutions across the track, and after whole revolutions in the plane, not every position can be
     reached. If the aim is one of those that can, the smallest velocity is returned, such as that of Fehse's tangential
@@ -26,12 +26,6 @@ def solve_departure_m_s(
     Parameters
     ----------
     from_m, to_m : (3,) positions in rtn axes [m]
-    duration_s : time of the transfer [s]
-    mean_motion_rad_s : mean motion of the body that is approached [rad/s]
-
-    Returns
-    -------
-    (3,) [m/s] in rtn axes
 
     Raises
     ------
@@ -67,15 +61,10 @@ def plan_arcs(name: str, n: float, times_s: np.ndarray, places_m: np.ndarray, st
 
     Parameters
     ----------
-    name : name of the operation
     n : mean motion of the body [rad/s]
     times_s : times of departure and of arrivals (place,), the first 0 [s]
     places_m : (place, 3) in rtn axes [m]
     stop : whether a last impulse stops the craft at the last place, which it then holds
-
-    Returns
-    -------
-    the plan
     """
     legs: list[Leg] = []
     impulses: list[PlannedImpulse] = []

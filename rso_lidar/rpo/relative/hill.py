@@ -222,10 +222,6 @@ def find_start_state(chief: Trajectory, start_utc: datetime.datetime) -> tuple[n
 def find_mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> float:
     """Return the mean motion of a chief's osculating orbit, by the vis-viva equation and Kepler's third law.
 
-    Returns
-    -------
-    float [rad/s]
-
     Raises
     ------
     ScenarioError
@@ -256,7 +252,6 @@ def find_eccentricity(position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3_s2
     Parameters
     ----------
     position_m, velocity_m_s : (3,) about the central body [m], [m/s]
-    gm_m3_s2 : its gravitational parameter [m3/s2], by default the Earth's
     """
     momentum = np.cross(position_m, velocity_m_s)
     return float(np.linalg.norm(np.cross(velocity_m_s, momentum) / gm_m3_s2 - position_m / np.linalg.norm(position_m)))

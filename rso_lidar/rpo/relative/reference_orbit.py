@@ -176,14 +176,7 @@ def add_relative_state(
     velocity_m_s: np.ndarray,
     rates: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> BodyState:
-    """Return the inertial state of a body at a state in a chief's rotating rtn axes; the inverse of `find_relative_state`.
-
-    Parameters
-    ----------
-    chief : inertial state (…, 3)
-    position_m, velocity_m_s : (…, 3) in the chief's rtn axes [m], [m/s]
-    rates : derivatives of the chief's state, see `rtn_axes`; without them its orbital plane is fixed
-    """
+    """Return the inertial state of a body from one in a chief's rotating rtn axes; the inverse of `find_relative_state`."""
     axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s, rates)
     return BodyState(
         chief.position_m + rotate_vectors(axes, position_m),

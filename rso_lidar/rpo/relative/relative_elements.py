@@ -166,15 +166,11 @@ class _MeanElementOrbit:
 def _find_start_elements(
     part: RelativeElements, start_utc: datetime.datetime, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the orbital elements of the chief and of the body at the start. The result is cached.
+    """Compute the elements (6,) of the chief and of the body at the start, cached.
 
     Parameters
     ----------
     chief_m, chief_m_s : (3,) state of the chief in GCRS axes [m], [m/s]
-
-    Returns
-    -------
-    elements of the chief and of the body, each (6,)
 
     Raises
     ------

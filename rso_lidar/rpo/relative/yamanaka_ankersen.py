@@ -163,7 +163,6 @@ class _ChiefOrbit:
 
         Parameters
         ----------
-        constants : see `constants`
         time_s : (time,) time since the start [s]
         position, velocity : (time, 3) arrays to write into [m], [m/s]
         """
@@ -212,9 +211,7 @@ def _estimate_second_order_m(
 
     Parameters
     ----------
-    separation_m : greatest separation [m]
     position_m, velocity_m_s : (3,) state of the chief about its central body [m], [m/s]
-    gm_m3_s2 : gravitational parameter of that body [m3/s2]
     """
     e = float(find_eccentricity(position_m, velocity_m_s, gm_m3_s2))
     h = np.cross(position_m, velocity_m_s)

@@ -149,11 +149,6 @@ def _plan_sequence(
     ----------
     start_utc : start of the plan; None where the date is unknown
     chief_m, chief_m_s : (3,) state of the chief in inertial axes [m], [m/s]
-
-    Raises
-    ------
-    ScenarioError
-        if the plan cannot be carried out, exceeds a limit, or enters the keep-out sphere
     """
     chief = BodyState(np.array(chief_m), np.array(chief_m_s))
     check_lengths(part, mean_motion_of_state(chief.position_m, chief.velocity_m_s))

@@ -350,7 +350,6 @@ class SensorProcesses:
 
         Parameters
         ----------
-        part : the sensor
         first : index of its first state
         """
         model = part.error_model
@@ -367,13 +366,7 @@ class SensorProcesses:
         )
 
     def spread(self, count: int, size: int) -> np.ndarray:
-        """Return the matrix (channel, state) that adds the processes to the channels of their sensor.
-
-        Parameters
-        ----------
-        count : number of channels
-        size : number of states
-        """
+        """Return the matrix (channel, state) that adds the processes to the channels of their sensor."""
         matrix = np.zeros((count, size))
         matrix[self.channels, self.places] = 1.0
         return matrix

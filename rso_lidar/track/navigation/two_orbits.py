@@ -60,7 +60,6 @@ def predict_orbits(
     Parameters
     ----------
     state : (12) position [m] and velocity [m/s] of the follower, then of the target relative to it, in inertial axes
-    step_s : length of the step [s]
     own_m_s2_sqrt_hz, target_m_s2_sqrt_hz : roots of the spectral densities of the white accelerations of the follower and of
         the target that are not modelled, each axis [m/s²/√Hz]
     oblate : whether the Earth's J2 acts

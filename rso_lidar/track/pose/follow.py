@@ -70,13 +70,8 @@ class _Hypothesis:
 
         Parameters
         ----------
-        time_s : instant [s]
         middle_m : mean of the points (xyz), in axes that do not turn [m]
         axes_from_lidar : attitude of the lidar in these axes
-
-        Returns
-        -------
-        the predicted pose lidar_from_body
         """
         from scipy.spatial.transform import Rotation
 
@@ -98,8 +93,6 @@ class _Hypothesis:
 
         Parameters
         ----------
-        time_s : instant of the pose [s]
-        misfit : of the pose [m]
         middle_m : mean of the points (xyz), in axes that do not turn [m]
         axes_from_lidar : attitude of the lidar in these axes
         is_turned : whether the pose was corrected by a turn about an axis of the body, which is no motion
@@ -255,7 +248,6 @@ class HingeFilter:
 
         Parameters
         ----------
-        time_s : instant [s]
         angles_rad, sigmas_rad : of the hinges by name, with their standard deviations
         """
         return cls(

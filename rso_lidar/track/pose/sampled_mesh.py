@@ -264,7 +264,6 @@ def _check_hinges(hinges: Sequence[MeshHinge], hinge_of_facet: np.ndarray | None
     Parameters
     ----------
     hinge_of_facet : (facet) index of the hinge of each facet, -1 for the body
-    facets : number of facets
     """
     of_facet = np.asarray(-1 if hinge_of_facet is None else hinge_of_facet)
     if of_facet.shape != (facets,) or of_facet.min() < -1 or of_facet.max() >= len(hinges):
