@@ -56,14 +56,6 @@ class SunPointing(Part):
     def orient(self, situation: Situation) -> Orientation:
         """Compute the attitude in root axes.
 
-        Parameters
-        ----------
-        situation : of the body, with the direction to the Sun
-
-        Returns
-        -------
-        attitude and body rates in root axes
-
         Raises
         ------
         PropagationError
@@ -111,14 +103,6 @@ class Nadir(Part):
 
     def orient(self, situation: Situation) -> Orientation:
         """Compute the attitude in rtn axes.
-
-        Parameters
-        ----------
-        situation : of the body, with its rtn axes and the direction to the Sun
-
-        Returns
-        -------
-        attitude and body rates in rtn axes
 
         Raises
         ------

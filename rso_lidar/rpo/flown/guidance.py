@@ -128,12 +128,7 @@ class TwoImpulseGuidance(Part):
         return self
 
     def next_s(self, after_s: float) -> float:
-        """Return the instant of the first correction after another [s], infinite for none.
-
-        Parameters
-        ----------
-        after_s : the other instant [s]
-        """
+        """Return the instant of the first correction after another [s], infinite for none."""
         if self.every_s is not None:
             return (math.floor(max(after_s, 0.0) / self.every_s + 1e-9) + 1) * self.every_s
         return next((at_s for at_s in self.at_s or () if at_s > after_s), math.inf)
@@ -171,12 +166,7 @@ class TwoImpulseGuidance(Part):
         ]
 
     def replan(self, update: GuidanceUpdate) -> Sequence[PlannedImpulse]:
-        """Return the impulses from now on: the correction, its arrival, and those of the plan after that.
-
-        Parameters
-        ----------
-        update : what is known
-        """
+        """Return the impulses from now on: the correction, its arrival, and those of the plan after that."""
         aim_s = self.find_aim_s(update.plan, update.time_s, update.next_s)
         if not aim_s > update.time_s + _SHORTEST_S:
             return update.impulses

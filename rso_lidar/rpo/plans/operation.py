@@ -105,11 +105,6 @@ class ProximityOperation(RelativeMotion):
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
 
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-
         Raises
         ------
         ScenarioError
@@ -135,13 +130,7 @@ class ProximityOperation(RelativeMotion):
         return np.array([leg.begin_s for leg in self.plan(epochs.start_utc, chief).legs])
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each limit of Clohessy-Wiltshire's equations that these epochs exceed.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return one sentence for each limit of Clohessy-Wiltshire's equations that these epochs exceed."""
         position, _ = self.relative(epochs, chief)
         sentences = hill.describe_validity(
             position,

@@ -255,25 +255,11 @@ class Lambert(ProximityOperation):
         return _plan_lambert(self, (radius, 0.0, 0.0), (0.0, speed, 0.0))
 
     def make_plan_about(self, chief: BodyState) -> Plan:
-        """Make the plan about a chief of which the state is known, and check it.
-
-        Parameters
-        ----------
-        chief : its inertial state (3,) at the start of the plan
-
-        Returns
-        -------
-        the plan in rtn axes of the chief, from time 0
-        """
+        """Make the plan about a chief of which the state is known, and check it."""
         return _plan_lambert(self, tuple(chief.position_m.tolist()), tuple(chief.velocity_m_s.tolist()))
 
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
         """Return the plan: legs, impulses, costs and safety.
-
-        Parameters
-        ----------
-        start_utc : start of the plan
-        chief : trajectory of the chief
 
         Raises
         ------

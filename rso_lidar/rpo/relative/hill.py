@@ -62,13 +62,7 @@ class Hill(RelativeState):
     )
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes."""
         flown = self._propagate_equations(epochs, chief)
         return curvilinear.to_rectilinear(*flown, *_find_radius(chief, epochs)) if self.curvilinear else flown
 
@@ -82,13 +76,7 @@ class Hill(RelativeState):
         return clohessy_wiltshire(*start, epochs.time_s, n, self.acceleration_m_s2)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice."""
         position, _ = self._propagate_equations(epochs, chief)
         start, center = find_start_state(chief, epochs.start_utc), find_center(chief)
         if self.curvilinear:

@@ -92,13 +92,7 @@ class RelativeElements(RelativeMotion):
         return np.array([getattr(self, name) for name in _NAMES])
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes."""
         self.check_center(find_center(chief))
         rows = self._rows(epochs, chief)
         if self.j2:
@@ -118,13 +112,7 @@ class RelativeElements(RelativeMotion):
         return _find_start_elements(self, epochs.start_utc, tuple(position.tolist()), tuple(velocity.tolist()))
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice."""
         of, body = self._rows(epochs, chief)
         sentences = []
         turned_rad = abs(body[5] - of[5])

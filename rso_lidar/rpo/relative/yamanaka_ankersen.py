@@ -38,24 +38,12 @@ class YamanakaAnkersen(RelativeState):
     type: Literal["yamanaka_ankersen"] = "yamanaka_ankersen"
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes."""
         start, gm = find_start_state(chief, epochs.start_utc), find_center(chief).gm_m3_s2
         return propagate_yamanaka_ankersen(self.position_m, self.velocity_m_s, epochs.time_s, *start, gm)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice."""
         start, center = find_start_state(chief, epochs.start_utc), find_center(chief)
         position, _ = self.relative(epochs, chief)
         farthest_m = float(np.linalg.norm(position, axis=1).max(initial=0.0))

@@ -295,12 +295,7 @@ class ForcedCircumnavigationLeg(SequenceLeg, ForcedCircumnavigation):
     operation = ForcedCircumnavigation
 
     def find_step_s(self, mean_motion_rad_s: float) -> float:
-        """Return the step at which the path is searched for its end [s]; see `SequenceLeg`.
-
-        Parameters
-        ----------
-        mean_motion_rad_s : mean motion of the body that is approached [rad/s]
-        """
+        """Return the step at which the path is searched for its end [s]; see `SequenceLeg`."""
         return min(super().find_step_s(mean_motion_rad_s), self.turn_s / _PER_REVOLUTION)
 
 

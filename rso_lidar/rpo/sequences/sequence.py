@@ -95,11 +95,6 @@ class Sequence(ProximityOperation):
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> SequencePlan:
         """Return the plan: legs, impulses, costs and safety.
 
-        Parameters
-        ----------
-        start_utc : start of the plan
-        chief : trajectory of the chief
-
         Raises
         ------
         ScenarioError
@@ -110,14 +105,7 @@ class Sequence(ProximityOperation):
         return _plan_sequence(self, start_utc, tuple(position.tolist()), tuple(velocity.tolist()))
 
     def check_positions(self, epochs: Epochs, chief: Trajectory, position_m: np.ndarray) -> None:
-        """Check that the path does not enter the keep-out sphere of the leg at each epoch; else raise `ScenarioError`.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        position_m : (time, 3) positions at the epochs in rtn axes [m]
-        """
+        """Check that the path does not enter the keep-out sphere of the leg at each epoch; else raise `ScenarioError`."""
         ends = np.array([part.end_s for part in self.plan(epochs.start_utc, chief).parts])
         leg = np.minimum(np.searchsorted(ends, epochs.time_s), len(self.legs) - 1)
         for k in np.unique(leg):
