@@ -57,7 +57,9 @@ class Course:
     ) -> None:
         self.bodies, self.is_local, self.start_utc = bodies, local, epochs.start_utc
         self._epochs, self._sun = epochs, sun_direction
-        self.flights = _make_flights(bodies) if commanded else {}
+        self.flights: dict[str, CommandedFlight] = {}
+        if commanded:
+            self.flights = {name: model.begin_flight() for body in bodies for name, model in body.models.items()}
         _check_slews(bodies, self.flights)
         self._whole = None if self.flights else self._at(epochs)
         if exposure_s > 0.0:  # a motion that ends during the last exposure is an error now
@@ -234,10 +236,6 @@ class Course:
 
     def _at(self, epochs: Epochs, bodies: Sequence[Body] | None = None) -> Truth:
         return truth(bodies or self.bodies, epochs, local=self.is_local, sun_direction=self._sun, flights=self.flights)
-
-
-def _make_flights(bodies: Sequence[Body]) -> dict[str, CommandedFlight]:
-    return {name: model.begin_flight() for body in bodies for name, model in body.models.items()}
 
 
 def _check_slews(bodies: Sequence[Body], flights: dict[str, CommandedFlight]) -> None:

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.analysis.sunlight_levels import split_sunlight
+from rso_lidar.detector.analysis.pixel_reports import split_sunlight
 from rso_lidar.detector.bench.scatter_table import read_scatter_m, threshold_of_returns
 from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import run_chain

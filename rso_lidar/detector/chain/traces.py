@@ -12,7 +12,7 @@ from rso_lidar.detector.chain.camera import FlashCamera
 from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import TimeAxis
 from rso_lidar.detector.ranging.bipolar_pulse import differentiate, find_zero_crossings
-from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.settings.apd import noise_rms
 from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
 from rso_lidar.detector.stages.amplification import amplify
 from rso_lidar.detector.stages.comparator import (

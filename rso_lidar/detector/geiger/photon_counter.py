@@ -72,7 +72,7 @@ class BuiltGeigerArray(BuiltDetector):
                 f"a pulse of {pulse_fwhm_s / units.NS:.3g} ns spreads its counts over more than one peak of "
                 f"{array.peak_s / units.NS:.3g} ns; lengthen lidar.detector.peak_ns, or shorten the pulse"
             )
-        blocked = 1.0 - _live_fraction(array, 0.0)
+        blocked = 1.0 - _live_fraction(array)
         if blocked > _MOST_BLOCKED:
             lines.append(
                 f"dark counts leave {blocked:.0%} of the pulses without a live pixel in the middle of the gate; lower "
@@ -127,7 +127,7 @@ class BuiltGeigerArray(BuiltDetector):
         sigma_s = np.sqrt(variance_s2 + jitter_s**2 + array.bin_s**2 / 12.0)
         half = 0.5 * array.peak_s / sigma_s
         share = erf(half / math.sqrt(2.0))
-        live = _live_fraction(array, 0.0)
+        live = _live_fraction(array)
         fired = -np.expm1(-n) * share * live
         dark = -math.expm1(-array.dark_count_rate_hz * array.peak_s) * live
         counted = 1.0 - (1.0 - fired) * (1.0 - dark)
@@ -229,7 +229,7 @@ def _merge_returns(photons: Photons, lit: np.ndarray) -> tuple[np.ndarray, np.nd
     return pairs[0], delay_s, light, spread_s
 
 
-def _live_fraction(array: GeigerArray, background_photons_per_s: float) -> float:
-    """Return the share of pulses in which a pixel is alive in the middle of the gate."""
-    noise = float(array.noise_per_s(np.array(background_photons_per_s)))
+def _live_fraction(array: GeigerArray) -> float:
+    """Return the share of pulses in which a pixel is alive in the middle of the gate, in the dark."""
+    noise = float(array.noise_per_s(np.array(0.0)))
     return live_fraction(noise, array.hold_off_s, 0.5 * array.gate_s)

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.detector.settings.apd import Apd, cumulants, tail_per_electron
-from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.settings.apd import Apd, cumulants, noise_rms, tail_per_electron
 from rso_lidar.detector.stages.avalanche import mcintyre_pmf
 
 _GRID = 8192  # steps of amplitude in a density

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rso_lidar.detector.settings.amplifier import Amplifier
-from rso_lidar.detector.settings.apd import Apd
-from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.settings.apd import Apd, noise_rms
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.settings.trigger import Trigger
 from rso_lidar.detector.stages.crossing_rate import false_alarm_rate

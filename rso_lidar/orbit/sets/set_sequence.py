@@ -183,7 +183,4 @@ def warn_jumps(label: str, jumps: Sequence[SetJump]) -> None:
     )
 
 
-@functools.lru_cache(maxsize=64)
-def make_sequence(sets: tuple[ElementSet, ...]) -> SetSequence:
-    """Make the trajectory of some sets, cached for the same sets."""
-    return SetSequence(sets)
+make_sequence = functools.lru_cache(maxsize=64)(SetSequence)  # the trajectory of some sets

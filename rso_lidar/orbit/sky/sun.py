@@ -30,13 +30,6 @@ def sun_position_m(epochs: Epochs) -> np.ndarray:
     return gcrs_from_mean_of_date(_mean_of_date_m(t), t)
 
 
-def sun_direction(epochs: Epochs) -> np.ndarray:
-    """Return unit vectors (time, 3) from the Earth's centre to the Sun in GCRS axes."""
-    position = sun_position_m(epochs)
-    direction: np.ndarray = position / np.linalg.norm(position, axis=1, keepdims=True)
-    return direction
-
-
 def _mean_of_date_m(t: np.ndarray) -> np.ndarray:
     """Return the Sun's position (time, 3) [m] in the mean equator and equinox of date, t Julian centuries since J2000.0."""
     anomaly = (357.529_109_2 + 35_999.050_34 * t) * units.DEG

@@ -110,15 +110,8 @@ class ClassicalElements(Part):
         )
 
 
-class Kepler(ClassicalElements):
-    """Two-body motion from osculating elements in GCRS axes at `epoch_utc`. A hyperbola has e > 1 and a negative a."""
-
-    type: Literal["kepler"] = "kepler"
-
-    def states(self, epochs: Epochs) -> BodyState:
-        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
-        start = self.at_epoch()
-        return BodyState(*propagate_two_body(start.position_m, start.velocity_m_s, epochs.since(self.epoch_utc)))
+class _TwoBodyMotion:
+    """Base of two-body motions."""
 
     def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives of position and velocity, by point-mass gravity.
@@ -134,7 +127,18 @@ class Kepler(ClassicalElements):
         return two_body_rates(state)
 
 
-class State(Part):
+class Kepler(_TwoBodyMotion, ClassicalElements):
+    """Two-body motion from osculating elements in GCRS axes at `epoch_utc`. A hyperbola has e > 1 and a negative a."""
+
+    type: Literal["kepler"] = "kepler"
+
+    def states(self, epochs: Epochs) -> BodyState:
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
+        start = self.at_epoch()
+        return BodyState(*propagate_two_body(start.position_m, start.velocity_m_s, epochs.since(self.epoch_utc)))
+
+
+class State(_TwoBodyMotion, Part):
     """Two-body motion from a position and a velocity in GCRS axes at `epoch_utc`."""
 
     type: Literal["state"] = "state"
@@ -151,19 +155,6 @@ class State(Part):
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
         position, velocity = np.array(self.position_m), np.array(self.velocity_m_s)
         return BodyState(*propagate_two_body(position, velocity, epochs.since(self.epoch_utc)))
-
-    def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives of position and velocity, by point-mass gravity.
-
-        Parameters
-        ----------
-        state : position and velocity (…, 3) in inertial axes
-
-        Returns
-        -------
-        derivatives [m/s], [m/s2], each (…, 3)
-        """
-        return two_body_rates(state)
 
 
 def check_start(position_m: Vector, velocity_m_s: Vector, body: CentralBody) -> None:
@@ -256,7 +247,8 @@ def propagate_two_body(
             rows = slice(k, k + _BLOCK)
             bad[rows] = conic.propagate_into(dt[rows], positions[rows], velocities[rows])
         for row in np.flatnonzero(bad):
-            positions[row], velocities[row], bad[row] = _propagate_one(r0_vector, v0_vector, dt[row])
+            one = propagate_universal(r0_vector, v0_vector, dt[row : row + 1], alpha)
+            positions[row], velocities[row], bad[row] = (values[0] for values in one)
     else:
         positions, velocities, bad = propagate_universal(r0_vector, v0_vector, dt, alpha)
     if bad.any():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -66,17 +68,30 @@ def plan_arcs(name: str, n: float, times_s: np.ndarray, places_m: np.ndarray, st
     places_m : (place, 3) in rtn axes [m]
     stop : whether a last impulse stops the craft at the last place, which it then holds
     """
-    legs: list[Leg] = []
-    impulses: list[PlannedImpulse] = []
-    arrival = np.zeros(3)
-    for k in range(len(times_s) - 1):
-        begin_s, each_s = float(times_s[k]), float(times_s[k + 1] - times_s[k])
-        departure = solve_departure_m_s(places_m[k], places_m[k + 1], each_s, n)
-        legs.append(make_coast(begin_s, places_m[k], departure, n))
-        impulses.append(PlannedImpulse(begin_s, departure - arrival))
-        arrival = legs[-1].path(np.array([each_s]))[1][0]
+    legs, impulses, arrival = fly_arcs(n, times_s[:-1].tolist(), np.diff(times_s).tolist(), places_m)
     end_s = float(times_s[-1])
     if stop:
         legs.append(make_line(end_s, places_m[-1]))
         impulses.append(PlannedImpulse(end_s, -arrival))
     return Plan(name, n, end_s, tuple(legs), tuple(impulses))
+
+
+def fly_arcs(
+    n: float, begins_s: Sequence[float], durations_s: Sequence[float], places_m: np.ndarray
+) -> tuple[list[Leg], list[PlannedImpulse], np.ndarray]:
+    """Return free arcs from place to place, the impulses that begin them, and the velocity (3,) [m/s] at the last place.
+
+    Parameters
+    ----------
+    n : mean motion of the body [rad/s]
+    places_m : (arc + 1, 3) in rtn axes [m], at the first of which the craft is at rest
+    """
+    legs: list[Leg] = []
+    impulses: list[PlannedImpulse] = []
+    arrival = np.zeros(3)
+    for begin_s, each_s, (start, aim) in zip(begins_s, durations_s, pairwise(places_m), strict=True):
+        departure = solve_departure_m_s(start, aim, each_s, n)
+        legs.append(make_coast(begin_s, start, departure, n))
+        impulses.append(PlannedImpulse(begin_s, departure - arrival))
+        arrival = legs[-1].path(np.array([each_s]))[1][0]
+    return legs, impulses, arrival

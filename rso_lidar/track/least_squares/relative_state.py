@@ -215,7 +215,7 @@ def fit_relative_state(
     prior_sigma = np.concatenate([np.full(6, np.inf), bias.offset_sigma_m, turn_sigma])
     free = np.flatnonzero(prior_sigma > 0.0)
     start = np.concatenate([np.zeros(6), bias.offset_m, np.zeros(3)])
-    start[_STATE] = _find_start(line, flown, prediction)
+    start[_STATE] = _find_start(line, prediction)
     measured_m = np.linalg.norm(line, axis=1)
 
     def expand(values: np.ndarray) -> np.ndarray:
@@ -279,7 +279,7 @@ def find_sight_axes(line_m: np.ndarray, own: BodyState) -> np.ndarray:
     return np.stack([along, across, np.cross(along, across)], axis=1)
 
 
-def _find_start(line: np.ndarray, flown: BodyState, prediction: RelativePrediction) -> np.ndarray:
+def _find_start(line: np.ndarray, prediction: RelativePrediction) -> np.ndarray:
     """Return a relative state (6) from a linear fit of all measurements, with the target's axes as those of the follower.
 
     Parameters
