@@ -27,12 +27,7 @@ if TYPE_CHECKING:
 
 @cache
 def lidar_from_ptu() -> Rotation:
-    """Return the rotation from PTU axes (x forward, y left, z up) to lidar axes (x right, y down, z ahead).
-
-    Returns
-    -------
-    the constant rotation lidar_from_ptu
-    """
+    """Return the rotation from PTU axes (x forward, y left, z up) to lidar axes (x right, y down, z ahead)."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_quat([0.5, -0.5, 0.5, 0.5])  # [[0, -1, 0], [0, 0, -1], [1, 0, 0]]

@@ -388,15 +388,11 @@ class Chief:
         return find_center_states(self._chain[-1].motion, epochs)
 
     def list_breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants at which the states of the body, or of one of its chiefs, have a jump or a corner.
+        """Return the times (break,) since `start_utc` [s] of jumps and corners in the states of the body, or of a chief.
 
         Parameters
         ----------
         epochs : instants that matter
-
-        Returns
-        -------
-        (break,) times since the `start_utc` of `epochs` [s], in any order
         """
         return list_breaks_s(self._chain, epochs, Chief)
 

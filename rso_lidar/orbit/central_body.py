@@ -72,17 +72,12 @@ def find_center(trajectory: Any) -> CentralBody:
 
 
 def find_center_states(trajectory: Any, epochs: Epochs) -> BodyState | None:
-    """Return the states (time, 3) of the centre of a trajectory's central body in GCRS axes.
+    """Return the states (time, 3) of the centre of a trajectory's central body in GCRS axes; None for the Earth, the origin.
 
     Parameters
     ----------
     trajectory : anything that answers `states`
     epochs : instants
-
-    Returns
-    -------
-    BodyState or None
-        None for the Earth, which is the origin
     """
     if find_center(trajectory) is EARTH:
         return None

@@ -152,15 +152,11 @@ class Epochs:
         return Epochs(self.start_utc, self.time_s + seconds)
 
     def since(self, instant: datetime.datetime) -> np.ndarray:
-        """Return the TAI seconds from an instant to each epoch. A leap second counts as a second.
+        """Return the TAI seconds (time,) from an instant to each epoch. A leap second counts as a second.
 
         Parameters
         ----------
         instant : aware datetime
-
-        Returns
-        -------
-        (time,) [s]
 
         Raises
         ------
@@ -178,10 +174,6 @@ class Epochs:
         ----------
         leap_seconds_at : instant whose leap seconds are used throughout. SGP4 subtracts dates, so an element set from
             before a leap second would otherwise be propagated one second too far, some 7 km
-
-        Returns
-        -------
-        whole, fraction : (time,) [day]
         """
         seconds, fraction_s = self._tai()
         whole, in_day = np.divmod(seconds, units.DAY_S)

@@ -60,10 +60,6 @@ def nis_bounds(count: int = 1, share: float = 0.95) -> tuple[float, float]:
     count : number of NIS in the mean
     share : probability that a consistent filter is within the bounds
 
-    Returns
-    -------
-    lower and upper bound
-
     Examples
     --------
     >>> [round(bound, 3) for bound in nis_bounds()]

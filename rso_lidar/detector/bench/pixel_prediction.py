@@ -284,7 +284,7 @@ def _predict_by_repetition(
 
 
 def _summarise(reported_m: np.ndarray, there: _Clusters, fwhm_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return share and scatter of the reports that count.
+    """Return share and scatter [m] (lit) of the reports that count.
 
     The scatter of a few reports is uncertain. So the pooled variance of about equally bright pixels is added to the variance
     of each pixel, with eight degrees of freedom.
@@ -293,10 +293,6 @@ def _summarise(reported_m: np.ndarray, there: _Clusters, fwhm_s: float) -> tuple
     ----------
     reported_m : (draw, lit) reported ranges [m], NaN where none
     fwhm_s : length of the pulse [s]. If no pixel reports twice, the scatter is that of a uniform distribution over it
-
-    Returns
-    -------
-    probability and scatter [m] (lit).
     """
     with np.errstate(invalid="ignore"):
         inside = (reported_m >= there.near_m) & (reported_m <= there.far_m)

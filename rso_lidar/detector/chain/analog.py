@@ -110,10 +110,6 @@ def simulate_analog(
     Parameters
     ----------
     rng : random generator (None: the mean of the output, free of noise)
-
-    Returns
-    -------
-    amplitudes over the rows, with what the comparator needs.
     """
     n, gain, step_s = rows.length, np.float32(front.avalanche.apd.gain), axis.step_s
     factors = draw_speckle_factors(front.speckle, photons, rng) if rng else None

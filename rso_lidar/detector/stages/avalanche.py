@@ -76,10 +76,6 @@ def multiply(primaries: np.ndarray, avalanche: Avalanche, noise: RowNoise, base:
     noise : addresses of the random words of the rows
     base : what most steps expect (None: the least of all)
 
-    Returns
-    -------
-    (row, step) f4, electrons.
-
     Raises
     ------
     ValueError : where an expected number is negative or not finite.

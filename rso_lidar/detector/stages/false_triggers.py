@@ -100,10 +100,6 @@ def draw_first_false(
     Parameters
     ----------
     sunlight_per_s : (pixel) primaries of the background [1/s], None without
-
-    Returns
-    -------
-    pixels, and times of their first false trigger [s since emission].
     """
     from_s, to_s = armed.from_s, armed.to_s
     brightest = 0.0 if sunlight_per_s is None else float(sunlight_per_s.max(initial=0.0))

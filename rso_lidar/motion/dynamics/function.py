@@ -32,15 +32,11 @@ def _check_dynamics(value: Any) -> Any:
 
 
 def name_function(value: Any) -> str:
-    """Return the name of a function by which it can be found again.
+    """Return a function's name by which it can be found again: `package.module:name` or `file.py:name`; "<" marks a lambda.
 
     Parameters
     ----------
     value : a function ``f(t, x, u)``, or its name as a scenario gives it
-
-    Returns
-    -------
-    the name, such as `package.module:name` or `file.py:name`; that of a lambda contains "<"
     """
     if isinstance(value, str):
         return value
@@ -48,15 +44,11 @@ def name_function(value: Any) -> str:
 
 
 def find_dynamics_file(dynamics: Any) -> str | None:
-    """Return the Python file in the name of a function.
+    """Return the Python file in the name of a function; None for a function itself, or the name of one in a package.
 
     Parameters
     ----------
     dynamics : a function ``f(t, x, u)``, or its name as a scenario gives it
-
-    Returns
-    -------
-    path as the name gives it; None for a function itself, or the name of one in a package
     """
     place = dynamics.rpartition(":")[0] if isinstance(dynamics, str) else ""
     return place if place.endswith(".py") else None

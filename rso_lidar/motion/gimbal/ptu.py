@@ -139,10 +139,6 @@ def start(ptu: Ptu, demand: Demand) -> PtuState:
     ----------
     ptu : the pan-tilt unit
     demand : of the scenario
-
-    Returns
-    -------
-    state at t = 0
     """
     demanded = _pair(demand(np.zeros(1))[0])
     pan, tilt = (
@@ -293,12 +289,7 @@ def _apply_command(angles: np.ndarray, command: Command) -> np.ndarray:
 
 
 def _select_commands(state: PtuState, command: Command, latency: int) -> tuple[tuple[int, Command], ...]:
-    """List the commands that still matter from the state's tick on, the new one last.
-
-    Returns
-    -------
-    commands, each with the first tick at which the drive obeys it
-    """
+    """List the commands that still matter from the state's tick on, each with its first tick, the new one last."""
     tick, rest_s = _split_time(state.time_s)
     commands = state.commands
     if command != (commands[-1][1] if commands else Command()):

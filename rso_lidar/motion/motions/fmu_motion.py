@@ -107,14 +107,10 @@ class FmuMotion(FmuDynamics, PlacedMotion):
         return (flight or self.fly_open_loop())(time_s)[:, -3:]
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the start of the run, because an FMU has no state before it.
+        """Return the start of the run (1,) [s], because an FMU has no state before it.
 
         Parameters
         ----------
         epochs : not used
-
-        Returns
-        -------
-        the instant 0 (1,) [s]
         """
         return np.zeros(1)

@@ -41,15 +41,11 @@ class Fixed(PlacedMotion):
         return Place(*self.positions(epochs.time_s))
 
     def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the constant position in the parent's axes.
+        """Return the constant position [m] in the parent's axes, and zero velocity [m/s], each (time, 3).
 
         Parameters
         ----------
         time_s : instants (time,) [s]
-
-        Returns
-        -------
-        position [m] and zero velocity [m/s], each (time, 3)
         """
         shape = (len(time_s), 3)
         return np.broadcast_to(np.array(self.position_m), shape), np.zeros(shape)

@@ -125,15 +125,11 @@ class Ephemeris(Part):
         )
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants at which segments begin and end.
+        """Return the instants at which segments begin and end, as times since the `start_utc` of `epochs` [s].
 
         Parameters
         ----------
         epochs : instants
-
-        Returns
-        -------
-        times since the `start_utc` of `epochs` [s]
         """
         arcs, start = self._arcs(), epochs.at(slice(0, 1))
         begin_s = [arc.begin_s - float(arc.elapsed_s(start)[0]) + float(start.time_s[0]) for arc in arcs]

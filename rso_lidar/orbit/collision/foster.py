@@ -27,10 +27,6 @@ def foster_probability(first: UncertainState, second: UncertainState, radius_m: 
     first, second : states at about the closest approach, in the same inertial axes
     radius_m : combined hard-body radius, the sum of both objects' [m]
 
-    Returns
-    -------
-    probability, 0 to 1
-
     Raises
     ------
     ScenarioError

@@ -109,16 +109,12 @@ class Forces(Part):
         return self
 
     def acceleration(self, epochs: Epochs, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-        """Return the acceleration of states, central attraction included.
+        """Return the acceleration (time, 3) [m/s2] of states, central attraction included.
 
         Parameters
         ----------
         epochs : instants
         position_m, velocity_m_s : (time, 3) states in GCRS axes [m], [m/s]
-
-        Returns
-        -------
-        (time, 3) [m/s2]
         """
         field = self.field(epochs.start_utc)
         rows = zip(
@@ -186,17 +182,13 @@ class Forces(Part):
         needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
 
         def acceleration(t: float, r: Vector3, v: Vector3) -> tuple[Vector3, float]:
-            """Compute the acceleration of a body.
+            """Return the acceleration [m/s2] of a body, and the magnitude of its discontinuous part [m/s2].
 
             Parameters
             ----------
             t : time since the first epoch [s]
             r : position (3) [m]
             v : velocity (3) [m/s]
-
-            Returns
-            -------
-            acceleration [m/s2], and the magnitude of its discontinuous part [m/s2]
             """
             x, y, z = r
             radius = max(math.sqrt(x * x + y * y + z * z), _CORE_M)

@@ -117,15 +117,11 @@ class Numerical(Part):
         return BodyState(rows[:, :3], rows[:, 3:])
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants at which velocity or acceleration is discontinuous: impulses, and begin and end of burns.
+        """Return the times [s] since `start_utc` at which velocity or acceleration jumps: impulses, and ends of burns.
 
         Parameters
         ----------
         epochs : not used; maneuvers count from `start_utc`
-
-        Returns
-        -------
-        times since `start_utc` [s]
         """
         return np.array([time_s for maneuver in self.maneuvers for time_s in maneuver.edges_s])
 

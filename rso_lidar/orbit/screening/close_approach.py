@@ -285,10 +285,6 @@ def _sample(pair: RelativePositions, cells: np.ndarray, times: SubIntervals) -> 
     Parameters
     ----------
     cells : (cell, 2) number of the set, and of the sub-interval
-
-    Returns
-    -------
-    nodes (node,) in the order of sets and times
     """
     span_s, begin_s = pair.span_s[cells[:, 0]], times.begin_s + times.sub_s * cells[:, 1]
     cells = cells[(begin_s + times.sub_s >= span_s[:, 0]) & (begin_s <= span_s[:, 1])]
@@ -335,17 +331,13 @@ def _add_dips(pair: RelativePositions, nodes: _Nodes, sub_s: float) -> _Nodes:
 def _find_roots(
     f: Callable[[np.ndarray, np.ndarray], np.ndarray], nodes: _Nodes, left: np.ndarray, value: np.ndarray
 ) -> np.ndarray:
-    """Find the roots of f(which, time) between nodes, to 0.1 ms (regula falsi, Illinois variant).
+    """Find the roots (root,) [s] of f(which, time) between nodes, to 0.1 ms (regula falsi, Illinois variant).
 
     Parameters
     ----------
     f : function of number (pair,) and time (pair,) [s] that returns (pair,)
     left : (root,) nodes before each root
     value : (node,) values of f
-
-    Returns
-    -------
-    (root,) instants [s]
     """
     which = nodes.which[left]
     a, b, fa, fb = nodes.time_s[left], nodes.time_s[left + 1], value[left], value[left + 1]

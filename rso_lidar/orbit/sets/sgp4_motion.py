@@ -310,15 +310,11 @@ class Tle(Part):
         return self.trajectory(epochs.start_utc).jumps(epochs)
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants at which it switches between sets.
+        """Return the instants at which it switches between sets, as times since the `start_utc` of `epochs` [s].
 
         Parameters
         ----------
         epochs : instants
-
-        Returns
-        -------
-        times since the `start_utc` of `epochs` [s]
         """
         return self.trajectory(epochs.start_utc).breaks_s(epochs)
 

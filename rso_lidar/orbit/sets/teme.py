@@ -163,14 +163,10 @@ def propagate_in_teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray,
 
 
 def gcrs_from_teme(at: Epochs) -> np.ndarray:
-    """Return the rotation matrices that take TEME coordinates to GCRS coordinates.
+    """Return the rotation matrices (time, 3, 3) that take TEME coordinates to GCRS coordinates.
 
     Parameters
     ----------
     at : instants
-
-    Returns
-    -------
-    (time, 3, 3)
     """
     return gcrs_from_axes_of_date("teme", at)

@@ -73,12 +73,7 @@ def identify_element_line(line: str) -> str | None:
 
 
 def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tuple[ElementSet, int]:
-    """Read the element set that begins with an element line.
-
-    Returns
-    -------
-    the element set, and the index after it
-    """
+    """Read the element set that begins with an element line, and return it with the index after it."""
     number, line = lines[at][0], lines[at][1].strip()
     after = (lines[at + 1][0], lines[at + 1][1].strip()) if at + 1 < len(lines) else None
     place = f"{where}: line {number}"

@@ -16,15 +16,11 @@ from rso_lidar.orbit.sky.precession import gcrs_from_mean_of_date
 
 
 def sun_position_m(epochs: Epochs) -> np.ndarray:
-    """Return the apparent position of the Sun from the Earth's centre.
+    """Return the apparent position (time, 3) [m] of the Sun from the Earth's centre, in GCRS axes.
 
     Parameters
     ----------
     epochs : instants
-
-    Returns
-    -------
-    (time, 3) [m] in GCRS axes
     """
     t = epochs.tt_centuries()
     return gcrs_from_mean_of_date(_mean_of_date_m(t), t)

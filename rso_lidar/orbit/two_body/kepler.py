@@ -114,15 +114,11 @@ class _TwoBodyMotion:
     """Base of two-body motions."""
 
     def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives of position and velocity, by point-mass gravity.
+        """Return the derivatives (…, 3) of position [m/s] and velocity [m/s2], by point-mass gravity.
 
         Parameters
         ----------
         state : position and velocity (…, 3) in inertial axes
-
-        Returns
-        -------
-        derivatives [m/s], [m/s2], each (…, 3)
         """
         return two_body_rates(state)
 
@@ -288,16 +284,12 @@ class _Ellipse:
         self.m0 = self.e0 - self.es
 
     def propagate_into(self, dt: np.ndarray, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-        """Write positions [m] and velocities [m/s] after some times into two arrays.
+        """Write positions [m] and velocities [m/s] after some times; return the mask (time,) of times that did not converge.
 
         Parameters
         ----------
         dt : (time,) time since the epoch [s]
         positions, velocities : (time, 3) arrays to write into [m], [m/s]
-
-        Returns
-        -------
-        (time,) mask of times that did not converge
         """
         turn = math.tau / self.n
         goal = self.n * (dt - turn * np.round(dt / turn))  # change of mean anomaly, within half a turn

@@ -67,15 +67,11 @@ class Guidance(Protocol):
         ...
 
     def replan(self, update: GuidanceUpdate) -> Sequence[PlannedImpulse]:
-        """Return the impulses from now on. They replace all that have not yet begun.
+        """Return the impulses from now on, in the approached body's rtn axes. They replace all that have not yet begun.
 
         Parameters
         ----------
         update : what is known
-
-        Returns
-        -------
-        impulses in the rtn axes of the body that is approached, none before now
         """
         ...
 
@@ -257,10 +253,6 @@ def _shoot(
     ----------
     aim_s, aim_m : instant [s] and position (3,) [m] of arrival
     velocity : (3,) first guess [m/s]
-
-    Returns
-    -------
-    velocity of departure and of arrival, each (3,) [m/s]
     """
     inverse = np.stack([steer.solve(column) for column in np.eye(3)], axis=1)
 

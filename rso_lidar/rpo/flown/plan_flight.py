@@ -76,15 +76,11 @@ class PlanFlight:
         self._lock = RLock()
 
     def relative(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state at instants; at an impulse, the state after it.
+        """Return position [m] and velocity [m/s] (time, 3) in the body's rotating rtn axes; at an impulse, those after it.
 
         Parameters
         ----------
         time_s : instants (time,) since the start of the plan [s]
-
-        Returns
-        -------
-        position [m] and velocity [m/s], each (time, 3), in the rotating rtn axes of the body that is approached
         """
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         rows = np.empty((len(times), 6))

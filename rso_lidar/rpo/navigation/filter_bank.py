@@ -183,16 +183,12 @@ def find_axes_across(along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def apply_matrix(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return the product of a matrix and columns; a column has the same bits alone and among others.
+    """Return the product (m, …) of a matrix and columns; a column has the same bits alone and among others.
 
     Parameters
     ----------
     matrix : (m, k), or (m, k, …) with one matrix for each column
     columns : (k, …)
-
-    Returns
-    -------
-    (m, …)
     """
     wide = (slice(None), slice(None), *(None,) * (columns.ndim - 1))
     spread = matrix[wide]

@@ -131,15 +131,11 @@ class Plan:
         object.__setattr__(self, "_begins", np.array([leg.begin_s for leg in self.legs]))
 
     def relative(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state at instants of the plan; at an impulse, the state after it.
+        """Return position [m] and velocity [m/s] (time, 3) in rtn axes; at an impulse, those after it.
 
         Parameters
         ----------
         time_s : instants (time,) since the start of the plan [s]
-
-        Returns
-        -------
-        position [m] and velocity [m/s], each (time, 3), in rtn axes
         """
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         position, velocity = np.empty((len(times), 3)), np.empty((len(times), 3))
@@ -155,15 +151,11 @@ class Plan:
         return math.tau / self.mean_motion_rad_s
 
     def control_m_s2(self, time_s: np.ndarray) -> np.ndarray:
-        """Return the acceleration by which thrust holds the path; zero in free flight.
+        """Return the acceleration (time, 3) [m/s2] by which thrust holds the path, in rtn axes; zero in free flight.
 
         Parameters
         ----------
         time_s : instants (time,) since the start of the plan [s]
-
-        Returns
-        -------
-        (time, 3) [m/s2] in rtn axes
         """
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         n, leg = self.mean_motion_rad_s, np.maximum(np.searchsorted(self._begins, times, side="right") - 1, 0)
@@ -271,12 +263,7 @@ class Plan:
     def _find_nearest_adrift(
         self, path: Path, begin_s: float, failure_s: float, until_s: float
     ) -> tuple[float, float, float]:
-        """Find the closest approach of a drift after a failure.
-
-        Returns
-        -------
-        distance [m], instant of the failure [s], and instant of the closest approach [s]
-        """
+        """Find the closest approach of a drift after a failure: distance [m], instant of the failure, and its own [s]."""
         spans = self._spans(until_s, _FINE_REVOLUTIONS)
         distance, nearest_s = min(find_closest_approach(path, begin_s, *span) for span in spans)
         return distance, begin_s + failure_s, nearest_s

@@ -73,12 +73,7 @@ class Nonlinear(RelativeState):
         return reference.express(BodyState(rows[:, :3], rows[:, 3:]), epochs)
 
     def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
-        """Return the instants at which velocity or acceleration is discontinuous: those of the maneuvers.
-
-        Returns
-        -------
-        times since the `start_utc` of `epochs` [s]
-        """
+        """Return the instants at which velocity or acceleration is discontinuous: those of the maneuvers."""
         return np.array([edge_s for maneuver in self.maneuvers for edge_s in maneuver.edges_s])
 
     def advise(self, end_s: float) -> list[str]:

@@ -192,15 +192,11 @@ def rotate_to_equator(state: BodyState, epochs: Epochs) -> BodyState:
 
 
 def difference_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """Return the relative elements between two rows of elements.
+    """Return the relative elements (…, 6) between two rows of elements: delta a, lambda, ex, ey, ix, iy [m].
 
     Parameters
     ----------
     chief, body : (…, 6) rows of elements
-
-    Returns
-    -------
-    (…, 6) delta a, lambda, ex, ey, ix, iy [m]
     """
     c, d = np.asarray(chief, dtype=float), np.asarray(body, dtype=float)
     a, node = c[..., 0], _wrap_angle(d[..., 5] - c[..., 5])
@@ -272,11 +268,6 @@ def state_from_relative_elements(chief: BodyState, elements_m: np.ndarray) -> Bo
     ----------
     chief : state (…, 3) in inertial axes
     elements_m : (…, 6) delta a, lambda, ex, ey, ix, iy [m]
-
-    Returns
-    -------
-    BodyState
-        in the same axes
     """
     return BodyState(
         *state_from_quasi_nonsingular(

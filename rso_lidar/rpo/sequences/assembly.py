@@ -151,12 +151,7 @@ class Assembly:
         return float(np.abs(start - self.position_m).max()) > _SAME_PLACE * size_m
 
     def _add_transfer(self, leg: SequenceLeg, own: Plan, keep_out: KeepOutSphere) -> Plan:
-        """Add the transfer to the start of an operation.
-
-        Returns
-        -------
-        the plan of the operation from the arrival on
-        """
+        """Add the transfer to the start of an operation, and return the operation's plan from the arrival on."""
         here, duration_s = (self.position_m, self.before_m_s), leg.transfer_s
         operation = leg.make_operation((self.position_m, self.velocity_m_s)) if leg.has_free_phase else None
         if isinstance(operation, Circumnavigation | SafetyEllipse):

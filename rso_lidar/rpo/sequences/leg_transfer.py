@@ -45,7 +45,7 @@ def find_insertion(
     keep_out: KeepOutSphere,
     duration_s: float | None,
 ) -> tuple[float, float]:
-    """Find the cheapest two-impulse transfer onto an ellipse: where it arrives, and how long it takes.
+    """Find the cheapest two-impulse transfer onto an ellipse: the phase at which it arrives [deg], and its duration [s].
 
     72 phases are compared at the durations of `find_transfer_s`, then more of both about the best, four times finer
     each time. Transfers that enter the keep-out sphere are left out, unless all do.
@@ -55,10 +55,6 @@ def find_insertion(
     from_state : position [m] and velocity [m/s], (3,) each, before the first impulse
     find_states : function of phases (…) [deg] and the mean motion that returns the states (…, 3) on the ellipse
     duration_s : duration of the transfer; None for the cheapest [s]
-
-    Returns
-    -------
-    phase [deg] and duration [s]
     """
     n = mean_motion_rad_s
     revolution_s = math.tau / n

@@ -80,10 +80,6 @@ class RelativeOrbitFit:
         Parameters
         ----------
         position_m, velocity_m_s : (3) true relative state [m], [m/s]
-
-        Returns
-        -------
-        the NEES, whose mean is 6
         """
         error = np.concatenate([self.position_m - position_m, self.velocity_m_s - velocity_m_s])
         return normalize_error(error, self.covariance)

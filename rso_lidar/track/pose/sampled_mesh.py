@@ -47,15 +47,11 @@ class MeshHinge:
         return turned
 
     def make_rotation(self, angle_rad: float) -> Rotation:
-        """Return the rotation about the hinge line.
+        """Return the rotation about the hinge line, in body axes.
 
         Parameters
         ----------
         angle_rad : right-handed angle [rad]
-
-        Returns
-        -------
-        rotation in body axes
         """
         from scipy.spatial.transform import Rotation
 
@@ -118,15 +114,11 @@ class SampledMesh:
         return float(np.sqrt(((self.points_m - self.middle_m) ** 2).sum(axis=1).max()))
 
     def turn_hinges(self, angles_rad: Mapping[str, float]) -> SampledMesh:
-        """Return the mesh with its hinges at other angles.
+        """Return the mesh with its hinges at other angles; itself where no angle is given.
 
         Parameters
         ----------
         angles_rad : angle of each hinge by its name [rad], right-handed from the mesh at zero; those not named stay
-
-        Returns
-        -------
-        the mesh; itself where no angle is given
 
         Raises
         ------
