@@ -134,16 +134,11 @@ def find_center_of_body(body: Body, by_name: Mapping[str, Body]) -> CentralBody:
     body : the body that orbits
     by_name : all bodies
     """
-    return find_center(find_first_chief(body, by_name).motion)
-
-
-def find_first_chief(body: Body, by_name: Mapping[str, Body]) -> Body:
-    """Return the body at the begin of a chain of chiefs, whose motion is relative to no other."""
     seen = {body.name}
     while (relative_to := get_chief_name(body.motion)) in by_name and relative_to not in seen:
         body = by_name[str(relative_to)]
         seen.add(body.name)
-    return body
+    return find_center(body.motion)
 
 
 def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body], local: bool) -> list[str]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
+from abc import abstractmethod
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -27,6 +28,7 @@ from rso_lidar.motion.dynamics.function import (
 )
 from rso_lidar.part import NotNegative, Number, Part, Positive
 
+TICK_S = 1e-3  # the grid of all drives
 Limits = tuple[Number, Number]
 Pair = tuple[float, float]
 State = tuple[tuple[Pair, Pair], tuple[Any, ...]]  # (angle, rate) of pan and of tilt, and further entries
@@ -94,6 +96,28 @@ class _Drive(Travel):
         """
         return self.max_rate_rad_s, self.max_acceleration_rad_s2 * dt
 
+    def advance(
+        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[Any, ...], held: np.ndarray
+    ) -> State:
+        """Advance both axes through demands that are held one after the other.
+
+        Parameters
+        ----------
+        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`
+        further : returned as it is, because this drive has no further entries
+
+        Returns
+        -------
+        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`
+        """
+        rows = zip(self.travel_rad, axes, packed(held.T, float), strict=True)
+        pan, tilt = (self._advance_axis(dt, travel, axis, demanded) for travel, axis, demanded in rows)
+        return (pan, tilt), further
+
+    @abstractmethod
+    def _advance_axis(self, dt: float, travel: Limits, axis: Pair, demanded: np.ndarray) -> Pair:
+        """Advance one axis, as `advance_first_order` does."""
+
 
 class Ideal(Travel):
     """A drive that follows its demand without delay, within its travel."""
@@ -108,25 +132,9 @@ class FirstOrder(_Drive):
     type: Literal["first_order"] = "first_order"
     time_constant_s: Positive = Field(description="Time constant τ [s].")
 
-    def advance(
-        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[Any, ...], held: np.ndarray
-    ) -> State:
-        """Advance both axes through demands that are held one after the other.
-
-        Parameters
-        ----------
-        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`
-        further : returned as it is, because this drive has no further entries
-
-        Returns
-        -------
-        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`
-        """
+    def _advance_axis(self, dt: float, travel: Limits, axis: Pair, demanded: np.ndarray) -> Pair:
         law = self.time_constant_s, math.exp(-dt / self.time_constant_s)
-        limits = self.limits(dt)
-        (pan_ends, tilt_ends), demanded = self.travel_rad, packed(held.T, float)
-        pan = advance_first_order(dt, law, limits, pan_ends, axes[0], demanded[0])
-        return (pan, advance_first_order(dt, law, limits, tilt_ends, axes[1], demanded[1])), further
+        return advance_first_order(dt, law, self.limits(dt), travel, axis, demanded)
 
 
 class SecondOrder(_Drive):
@@ -138,25 +146,9 @@ class SecondOrder(_Drive):
         description="Damping ratio ζ. The drive lags a steady slew by ζ / (π natural_hz) seconds."
     )
 
-    def advance(
-        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[Any, ...], held: np.ndarray
-    ) -> State:
-        """Advance both axes through demands that are held one after the other.
-
-        Parameters
-        ----------
-        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`
-        further : returned as it is, because this drive has no further entries
-
-        Returns
-        -------
-        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`
-        """
+    def _advance_axis(self, dt: float, travel: Limits, axis: Pair, demanded: np.ndarray) -> Pair:
         law = second_order_transition(2.0 * math.pi * self.natural_hz, self.damping, dt)
-        limits = self.limits(dt)
-        (pan_ends, tilt_ends), demanded = self.travel_rad, packed(held.T, float)
-        pan = advance_second_order(dt, law, limits, pan_ends, axes[0], demanded[0])
-        return (pan, advance_second_order(dt, law, limits, tilt_ends, axes[1], demanded[1])), further
+        return advance_second_order(dt, law, self.limits(dt), travel, axis, demanded)
 
 
 class StateSpaceDrive(Travel):

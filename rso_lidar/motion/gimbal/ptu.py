@@ -24,7 +24,7 @@ from pydantic import Field
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.gimbal.demand import Demand, FixedPoint, ScanPoint, TrackPoint
-from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, Pair, SecondOrder, StateSpaceDrive
+from rso_lidar.motion.gimbal.drive import TICK_S, FirstOrder, Ideal, Pair, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.fmu_drive import FmuDrive
 from rso_lidar.motion.mount import Mount
 from rso_lidar.part import GREATEST, NotNegative, Number, Part
@@ -32,7 +32,6 @@ from rso_lidar.pose import Link
 from rso_lidar.records import Command, PtuAngles
 
 TICKS_PER_S = 1000
-TICK_S = 1.0 / TICKS_PER_S
 CHUNK = 20_000  # ticks in one evaluation of the demand; bounds memory
 
 
