@@ -1,7 +1,8 @@
 """Range algorithms of a flash lidar: arrival time and height of pulses from their samples.
 
 Delays count from sample 0 and refer to the return's nominal delay: the known delay of optical pulse and amplifier is
-subtracted. Amplitudes are fitted peak amplitudes for every algorithm of the delay.
+subtracted. Amplitudes are fitted peak amplitudes for every algorithm of the delay. `samples` (trace, sample) are counts
+above the baseline, float32.
 """
 
 from __future__ import annotations
@@ -86,7 +87,6 @@ def locate(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts] above the baseline, float32
     start : (trace) the first sample after the latch. The pulse is the first peak from there on
     clipped : (trace, sample) samples at the converter's rail. The fit leaves them out where 3 others are in the pulse; else
         the edges of the pulse give its place
@@ -115,7 +115,6 @@ def _relocate(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts]
     held : (trace, sample) samples at a rail
     peak, place : (trace) sample of the peak, and fitted place [samples]
     """
@@ -136,7 +135,6 @@ def _place(samples: np.ndarray, peak: np.ndarray, locator: Locator, threshold_co
 
     Parameters
     ----------
-    samples : (trace, sample) [counts]
     peak : (trace) sample of the peak
     threshold_counts : level of leading_edge [counts]
     """
@@ -209,9 +207,7 @@ def locate_all(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts] above the baseline, float32
     most : greatest number of pulses in a trace
-    clipped : (trace, sample) samples at the rail
     least_counts : least height of a pulse [counts] (None: the threshold)
     railed : as for `locate`
 
@@ -254,7 +250,6 @@ def _without_others(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts]
     place, height : (trace, slot) of the fitted pulses [samples] and [counts]
     """
     alone = samples.copy()

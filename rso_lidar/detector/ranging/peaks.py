@@ -1,4 +1,7 @@
-"""Peaks among samples: the first of a trace, or all that a valley separates."""
+"""Peaks among samples: the first of a trace, or all that a valley separates.
+
+`samples` (sample) are those of one trace, or of all traces (trace, sample); `clipped` (trace, sample) is empty without any.
+"""
 
 import numpy as np
 
@@ -20,7 +23,6 @@ def find_first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
 
     Parameters
     ----------
-    samples : (sample) of one trace
     least : lowest sample that can be a peak
     """
     n, sample = samples.shape[0], max(start, 0)
@@ -99,7 +101,6 @@ def find_plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
 
     Parameters
     ----------
-    clipped : (trace, sample), or empty without clipped samples
     trace, peak : number of the trace, and sample of the peak
     """
     low, high = peak, peak
@@ -136,7 +137,6 @@ def find_peaks(
 
     Parameters
     ----------
-    samples : (sample) of one trace
     apart : least distance of two peaks [samples]
     statistic : (sample) scratch space
     """
@@ -173,12 +173,7 @@ def find_peaks(
 
 @kernel
 def is_separated(samples: np.ndarray, one: int, other: int, three_sigma: np.float32) -> bool:
-    """Return whether a valley separates two peaks: by a tenth of the lower one, and by three sigma of the noise.
-
-    Parameters
-    ----------
-    samples : (sample) of one trace
-    """
+    """Return whether a valley separates two peaks: by a tenth of the lower one, and by three sigma of the noise."""
     lower = min(smooth_sample(samples, one), smooth_sample(samples, other))
     valley = np.float32(np.inf)
     for sample in range(min(one, other) + 1, max(one, other)):

@@ -1,4 +1,8 @@
-"""The comparator of a pixel: a Schmitt trigger that latches on the first crossing, true or false."""
+"""The comparator of a pixel: a Schmitt trigger that latches on the first crossing, true or false.
+
+Everywhere `amplitude` (row, step) and `threshold` (row) are in electrons. `first` and `last` (row) are the steps from which,
+and before which, the comparator is watched.
+"""
 
 import math
 
@@ -56,7 +60,6 @@ class Bridge:
 
         Parameters
         ----------
-        amplitude : (row, step) [electrons]
         mean : (row, step) the amplitude without noise [electrons]
         row, step : where to draw
         sigma : rms of the noise there [electrons]
@@ -91,14 +94,10 @@ def find_latches(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
     primaries : (row, step) expected photoelectrons in a step
-    threshold : (row) [electrons]
     base_per_s : (row) primaries that no pulse makes [1/s]
-    first, last : (row) the steps from which, and before which, the comparator is watched
     arming : (row) whether the pixel is armed at `first`
     hysteresis : [electrons]
-    step_s : length of a step [s]
     shot_electrons_rs : rms noise for each root of the rate of primaries [1/s]
     reach : distance to the threshold that counts as near, in rms noise
     """
@@ -170,13 +169,7 @@ def find_first_crossings(
 
 
 def mark_watched(n_steps: int, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Return which steps (row, step) the comparator watches.
-
-    Parameters
-    ----------
-    n_steps : steps of a row
-    first, last : (row) the steps from which, and before which, it is watched
-    """
+    """Return which steps (row, step) the comparator watches."""
     step = np.arange(n_steps)
     watched: np.ndarray = (step >= first[:, None]) & (step < last[:, None])
     return watched
@@ -187,8 +180,6 @@ def mark_near(amplitude: np.ndarray, threshold: np.ndarray, watched: np.ndarray,
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    threshold : (row) [electrons]
     watched : (row, step)
     reach : (row, step) distance that counts as near [electrons]
     """
@@ -210,9 +201,7 @@ def find_crossings_between(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
     mean : (row, step) the amplitude without noise [electrons]
-    threshold : (row) [electrons]
     watched : (row, step) whether the comparator watches
     sigma : (row, step) rms of the noise [electrons]
     """
@@ -242,9 +231,7 @@ def refine_crossings(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
     row : (trace) the rows to look at
-    threshold : (trace) [electrons]
     latch : (trace) a step at which the row is above; the crossing is before it
     earliest : (trace) the first step to look at. A row that is above from there on crosses there
     """

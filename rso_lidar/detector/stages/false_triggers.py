@@ -142,11 +142,6 @@ def draw_crossings(
     Upcrossings of a high level are a Poisson process (Cramér and Leadbetter 1967, ch. 12). Those of all pixels together are
     one whose rate is the sum; each is of a pixel with the probability of its share in the sum, at any time alike. So the
     first of a pixel comes after an exponential waiting time, as if drawn pixel by pixel.
-
-    Parameters
-    ----------
-    sums_per_s : (pixel) cumulative sum of the rates [1/s]
-    from_s, to_s : span of time [s]
     """
     total = float(sums_per_s[-1])
     n = int(rng.poisson(total * (to_s - from_s)))

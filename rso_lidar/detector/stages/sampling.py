@@ -1,4 +1,7 @@
-"""Sampling and conversion: some steps of each row become counts, of one channel or of two with different gains."""
+"""Sampling and conversion: some steps of each row become counts, of one channel or of two with different gains.
+
+Everywhere `amplitude` (row, step) is in electrons; `row` and `first` (trace) are row and step of a trace's first sample.
+"""
 
 import numpy as np
 
@@ -28,8 +31,6 @@ def store_samples(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    row, first : (trace) row and step of the first sample
     offset_counts : (trace) offset of the pixel
     """
     counts = np.empty((len(row), n), np.float32)
@@ -64,10 +65,7 @@ def sample_rows(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    row, first : (trace) row and step of the first sample
     offset_counts : (trace) baseline, and what a pixel adds to it
-    quantised : whether counts are whole
     counts : (trace, sample) written
     """
     for trace in range(counts.shape[0]):
@@ -116,8 +114,6 @@ def merge_low_gain(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    row, first : (trace) row and step of the first sample
     offset_counts : (trace) offset of the pixel
     counts : (trace, sample) of the first channel, changed in place
     """
@@ -168,13 +164,10 @@ def merge_rows(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    row, first : (trace) row and step of the first sample
     address : key, pixel (trace) and first step since emission (trace) of the random words
     offset_counts : (trace) baseline and offset there [its counts]
     noise_counts : rms noise there [its counts]
     baseline : of both channels [counts]
-    quantised : whether counts are whole
     counts : (trace, sample) of the first channel, changed in place
     clipped : (trace, sample), written where both channels clip
     """

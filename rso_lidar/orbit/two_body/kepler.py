@@ -325,9 +325,3 @@ class _Ellipse:
             positions[:, k] = f * self.r[:, k] + g * self.v[:, k]
             velocities[:, k] = f_dot * self.r[:, k] + g_dot * self.v[:, k]
         return ~(np.abs(left) < 1e-6)
-
-
-def _propagate_one(r: np.ndarray, v: np.ndarray, dt_s: float) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Propagate one state (3,) by universal variables to one time; also return whether the iteration failed."""
-    position, velocity, bad = propagate_universal(r, v, np.array([dt_s]), inverse_semi_major_axis(r, v))
-    return position[0], velocity[0], bool(bad[0])
