@@ -243,8 +243,8 @@ def propagate_two_body(
             rows = slice(k, k + _BLOCK)
             bad[rows] = conic.propagate_into(dt[rows], positions[rows], velocities[rows])
         for row in np.flatnonzero(bad):
-            one = propagate_universal(r0_vector, v0_vector, dt[row : row + 1], alpha)
-            positions[row], velocities[row], bad[row] = (values[0] for values in one)
+            after = propagate_universal(r0_vector, v0_vector, dt[row : row + 1], alpha)
+            positions[row], velocities[row], bad[row] = (values[0] for values in after)
     else:
         positions, velocities, bad = propagate_universal(r0_vector, v0_vector, dt, alpha)
     if bad.any():
