@@ -117,12 +117,7 @@ class _Evaluation:
         return tree
 
     def move(self, bodies: Sequence[Body], names: Iterable[str], epochs: Epochs, *, rates: bool = True) -> _Evaluation:
-        """Return the evaluation of some axes of some of the bodies at other epochs, in the order that is known.
-
-        Parameters
-        ----------
-        rates : whether the rates of the axes are needed
-        """
+        """Evaluate some axes of some bodies, with rates if needed, at other epochs, in the order that is known."""
         wanted, sun = frozenset(names), SunVectors(epochs, self.local, self.sun.given)
         order = tuple(name for name in self.order if name in wanted)
         return _Evaluation(tuple(bodies), order, epochs, self.local, sun, self.flights, rates)

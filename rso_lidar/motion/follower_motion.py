@@ -235,12 +235,7 @@ def _as_rotation(matrix: np.ndarray) -> Rotation:
 def _find_specific_force(
     course: Course, truth: Truth, time_s: np.ndarray, flights: Mapping[str, CommandedFlight]
 ) -> np.ndarray:
-    """Find the acceleration of the follower without gravitation (time, 3) in inertial axes [m/s2].
-
-    Parameters
-    ----------
-    flights : of the follower's models, as ``motion`` and ``attitude``
-    """
+    """Find the follower's acceleration without gravitation (time, 3) in inertial axes [m/s2], by flights of its models."""
     motion, flight = course.bodies[-1].motion, flights.get("motion")
     if isinstance(flight, Flight):
         thrust = flight.specific_force(time_s)

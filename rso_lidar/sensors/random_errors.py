@@ -101,12 +101,7 @@ def draw_normals(key: np.ndarray, first_sample: int, count: int, width: int) -> 
 
 @kernel
 def fill_normals(key: np.ndarray, first: int, stage: int, normals: np.ndarray) -> None:
-    """Write standard normal numbers by Box and Muller's method.
-
-    Parameters
-    ----------
-    normals : (sample, width), written
-    """
+    """Write standard normal numbers (sample, width) by Box and Muller's method."""
     for k in range(normals.shape[0]):
         draw_sample(key, first + k, stage, normals[k])
 

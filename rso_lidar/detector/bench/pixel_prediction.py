@@ -121,12 +121,7 @@ class _Clusters:
 
 
 def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Clusters:
-    """Find the labelled cluster of each pixel.
-
-    Parameters
-    ----------
-    true_range_m : (row, col) range of the labelled cluster [m], or None for the brightest cluster
-    """
+    """Find the labelled cluster of each pixel: the one at a range (row, col) [m], or with None the brightest."""
     n_clusters, pixel = len(photons.cluster_pixel), photons.cluster_pixel
     light = np.bincount(photons.cluster, photons.photons, n_clusters)
     total = np.where(light > 0.0, light, 1.0)
@@ -237,12 +232,7 @@ def _find_special(photons: Photons, gsfl: Gsfl, there: _Clusters) -> np.ndarray:
 
 
 def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> tuple[np.ndarray, np.ndarray]:
-    """Predict by trials of some pixels, which do not affect each other. Each keeps its fixed pattern.
-
-    Parameters
-    ----------
-    there : the labelled clusters of the pixels
-    """
+    """Predict by trials of some pixels, which do not affect each other. Each keeps its fixed pattern."""
     lit = there.pixel
     place = np.searchsorted(lit, photons.pixel)
     of = np.flatnonzero(np.append(lit, -1)[place] == photons.pixel)

@@ -49,12 +49,7 @@ class Separations:
         return self._interpolate(first - 1, first, probability), self._interpolate(last + 1, last, probability)
 
     def _interpolate(self, out: int, inside: int, probability: float) -> float:
-        """Interpolate the separation [m] at which the probability is passed.
-
-        Parameters
-        ----------
-        out, inside : number of a separation where the probability is below it, and of one where it is not
-        """
+        """Interpolate the separation [m] at which the probability is passed, between one below (`out`) and one not."""
         if not 0 <= out < len(self.probability):
             return float(self.separation_m[inside])
         low, high = self.probability[out], self.probability[inside]

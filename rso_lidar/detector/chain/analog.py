@@ -105,12 +105,7 @@ def simulate_analog(
     rng: np.random.Generator | None,
     threads: int | None = 1,
 ) -> Analog:
-    """Simulate the amplifier's output over the rows.
-
-    Parameters
-    ----------
-    rng : random generator (None: the mean of the output, free of noise)
-    """
+    """Simulate the amplifier's output over the rows; without a generator its mean, free of noise."""
     n, gain, step_s = rows.length, np.float32(front.avalanche.apd.gain), axis.step_s
     factors = draw_speckle_factors(front.speckle, photons, rng) if rng else None
     n_rows = len(rows.pixel)

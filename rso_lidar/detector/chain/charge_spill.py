@@ -90,12 +90,7 @@ def find_spill(held: np.ndarray, well: float, spill_fraction: float) -> tuple[np
 def _return_charge(
     photons: Photons, of: np.ndarray, lost: np.ndarray, collected: np.ndarray, delay_s: float
 ) -> dict[str, np.ndarray]:
-    """Return the collected charge of one pulse as returns: the delay is that of the nearest pixel that spills.
-
-    Parameters
-    ----------
-    lost, collected : (row, col) charge that leaves, and that is collected and stays, in photons
-    """
+    """Return the collected charge (row, col) of one pulse as returns, with the delay of the nearest pixel that spills."""
     from scipy.ndimage import distance_transform_edt
 
     n_pixels = lost.size

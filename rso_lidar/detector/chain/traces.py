@@ -211,12 +211,7 @@ def _earliest_s(camera: FlashCamera, photons: Photons) -> float:
 
 
 def _is_watched(rows: Rows, step_s: float, pixel: np.ndarray, at_s: np.ndarray) -> np.ndarray:
-    """Return whether rows, rather than rates, decide what noise does to pixels at given times.
-
-    Parameters
-    ----------
-    pixel, at_s : numbers of pixels, and a time for each [s]
-    """
+    """Return whether rows, rather than rates, decide what noise does to pixels at given times, one for each [s]."""
     row, end = np.searchsorted(rows.pixel, pixel), np.searchsorted(rows.pixel, pixel, "right")
     watched = np.zeros(len(pixel), bool)
     while (row < end).any():  # a pixel has few rows

@@ -54,12 +54,7 @@ def find_least_counts(
 
 
 def peak_probability(fired: np.ndarray, pulses: int, counts: int) -> np.ndarray:
-    """Return the probability of a peak of at least a number of counts.
-
-    Parameters
-    ----------
-    fired : probability that one pulse gives a count in the peak
-    """
+    """Return the probability of a peak of at least a number of counts, by that of a count in it from one pulse."""
     from scipy.special import betainc
 
     if counts > pulses:

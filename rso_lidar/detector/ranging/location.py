@@ -158,12 +158,7 @@ def _measure_place(samples: np.ndarray, peak: np.ndarray, locator: Locator) -> n
 
 
 def _crossing(samples: np.ndarray, peak: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Return where the straight lines between samples last cross a level upward before the peak [samples], or NaN.
-
-    Parameters
-    ----------
-    level : (trace) [counts]
-    """
+    """Return where lines between samples last cross a level (trace) [counts] upward before the peak [samples], or NaN."""
     n, row = samples.shape[1], np.arange(len(samples))
     below = (samples < level[:, None]) & (np.arange(n) < peak[:, None])
     before = n - 1 - below[:, ::-1].argmax(axis=1)
@@ -175,12 +170,7 @@ def _crossing(samples: np.ndarray, peak: np.ndarray, level: np.ndarray) -> np.nd
 
 
 def _centroid(samples: np.ndarray, peak: np.ndarray, matched: Matched) -> np.ndarray:
-    """Return the centroid of the samples within 2 sigma of the peak [samples].
-
-    Parameters
-    ----------
-    matched : the filter. Sigma is that of a Gaussian of its FWHM
-    """
+    """Return the centroid of the samples within 2 sigma, that of a Gaussian of the filter's FWHM, of the peak [samples]."""
     reach = max(1, int(2.0 * matched.fwhm / units.FWHM_PER_SIGMA))
     offset = np.arange(-reach, reach + 1)
     index = peak[:, None] + offset

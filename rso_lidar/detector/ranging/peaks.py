@@ -19,12 +19,7 @@ def smooth_sample(samples: np.ndarray, sample: int) -> np.float32:
 
 @kernel
 def find_first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
-    """Find the first peak of the smoothed samples, or the highest sample where there is none.
-
-    Parameters
-    ----------
-    least : lowest sample that can be a peak
-    """
+    """Find the first peak of the smoothed samples that is not below `least`, or the highest sample where there is none."""
     n, sample = samples.shape[0], max(start, 0)
     before = smooth_sample(samples, sample - 1) if sample > 0 else np.float32(-np.inf)
     here = smooth_sample(samples, min(sample, n - 1))
@@ -97,12 +92,7 @@ def fill_vertices(samples: np.ndarray, peaks: np.ndarray, shift: np.ndarray) -> 
 
 @kernel
 def find_plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
-    """Find the first and last of the run of clipped samples around a peak; the peak alone without such a run.
-
-    Parameters
-    ----------
-    trace, peak : number of the trace, and sample of the peak
-    """
+    """Find the first and last of the run of clipped samples around a trace's peak; the peak alone without such a run."""
     low, high = peak, peak
     if clipped.shape[0] and clipped[trace, peak]:
         while low > 0 and clipped[trace, low - 1]:

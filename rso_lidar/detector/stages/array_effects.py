@@ -10,24 +10,14 @@ _MOST_ROUNDS = 50
 
 
 def draw_speckle(speckle: Speckle, coherence_cells: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return random factors (cluster), of mean 1, on the photons of clusters: gamma-distributed, by the number of modes.
-
-    Parameters
-    ----------
-    coherence_cells : (cluster)
-    """
+    """Return random factors (cluster), of mean 1, on the photons of clusters: gamma-distributed, by the number of modes."""
     modes = (1.0 + coherence_cells) * (2.0 if speckle.depolarising else 1.0)
     factors: np.ndarray = rng.standard_gamma(modes) / modes
     return factors
 
 
 def limit_amplitude(saturation: Saturation, amplitude: np.ndarray, step_s: float) -> np.ndarray:
-    """Return amplitudes as a clipping amplifier passes them on.
-
-    Parameters
-    ----------
-    amplitude : (row, step) [electrons]
-    """
+    """Return amplitudes (row, step) [electrons] as a clipping amplifier passes them on."""
     fade = np.float32(np.exp(-step_s / (saturation.recovery_ns * units.NS)))
     rail = np.float32(saturation.rail_electrons)
     limited: np.ndarray = np.minimum(amplitude, rail)
@@ -87,12 +77,7 @@ def latch_share(at_s: np.ndarray, latch_s: np.ndarray, clock_s: float, n_pixels:
 
 
 def draw_shift_m(crosstalk: Crosstalk, share: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return random range errors (pixel) [m] from crosstalk.
-
-    Parameters
-    ----------
-    share : (pixel) share of the array that latches with each
-    """
+    """Return random range errors (pixel) [m] from crosstalk, by the share (pixel) of the array that latches with each."""
     shift: np.ndarray = crosstalk.offset_m * (share - crosstalk.calibrated_fraction)
     shift += crosstalk.noise_m * share * rng.standard_normal(np.shape(share))
     return shift

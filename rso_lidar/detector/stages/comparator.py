@@ -25,12 +25,7 @@ class Bridge:
     reach = 5.0  # sigmas of the rest that are worth looking at
 
     def __init__(self, pole_s: float, step_s: float, points: int = 15) -> None:
-        """Compute the weights of the conditional mean, and the root of the conditional covariance.
-
-        Parameters
-        ----------
-        points : number of points between two steps
-        """
+        """Compute weights of the conditional mean, and root of the conditional covariance, at points between two steps."""
         known = np.arange(-1.0, 3.0) * step_s / pole_s
         between = np.arange(1, points + 1) / (points + 1.0) * step_s / pole_s
 

@@ -82,12 +82,7 @@ def sample_rows(
 
 
 def convert(readout: Readout, amplitude: np.ndarray, offset_counts: np.ndarray | float = 0.0) -> np.ndarray:
-    """Return the converter's output [counts], baseline included; float32.
-
-    Parameters
-    ----------
-    amplitude : [electrons], any shape
-    """
+    """Return the converter's output [counts], baseline included, of any amplitude [electrons]; float32."""
     counts = amplitude * np.float32(1.0 / readout.electrons_per_count)
     counts = counts + np.asarray(offset_counts + readout.baseline_counts, np.float32)
     if readout.quantised:

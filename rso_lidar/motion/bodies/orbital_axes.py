@@ -28,12 +28,7 @@ from rso_lidar.rpo import RtnMotion, rtn_matrix
 
 
 def link_orbit(motion: Any, epochs: Epochs, place: Place, center: BodyState | None, *, turns: bool) -> Link:
-    """Return the link from the root to the rtn axes of a body.
-
-    Parameters
-    ----------
-    center : state of the centre about which it orbits; None for the Earth, which is the origin
-    """
+    """Return the link from the root to the rtn axes of a body about a centre; None for the Earth, the origin."""
     state = BodyState(place.position_m, place.velocity_m_s)
     if center is not None:  # two-body motion about the Moon: the derivatives are exact
         about = subtract_center(state, center)

@@ -140,12 +140,7 @@ def _read_csv(text: str, where: str, axes: str) -> AttitudeSegment:
 
 
 def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datetime.datetime | None) -> AttitudeSegment:
-    """Read one segment of an AEM, as axes_from_body in inertial or rtn axes.
-
-    Parameters
-    ----------
-    start_utc : instant from which all times count; None for the first row of this segment
-    """
+    """Read one segment of an AEM, as axes_from_body in inertial or rtn axes; times count from its first row by default."""
     from scipy.spatial.transform import Rotation
 
     at = f"{message.where}: line {segment.line}"

@@ -112,12 +112,7 @@ def read_csv_table(text: str, where: str, sets: Sequence[Sequence[str]], needed:
 
 
 def check_unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[int]) -> np.ndarray:
-    """Return quaternions (row, 4) unchanged; a `ScenarioError` names the line of one whose norm is not 1.
-
-    Parameters
-    ----------
-    lines : (row,) line numbers in the file
-    """
+    """Return quaternions (row, 4); a `ScenarioError` names the line, of `lines` (row,), of one whose norm is not 1."""
     norms = np.linalg.norm(quaternion, axis=1)
     wrong = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_WITHIN)
     if len(wrong):

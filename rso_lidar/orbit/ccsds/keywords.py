@@ -116,12 +116,7 @@ class KeywordBlock:
         return self.entries[key][0].value if key in self.entries else ""
 
     def number(self, key: str, unit: str, low: float = -math.inf, high: float = math.inf) -> float | None:
-        """Return an optional number, or None where the part lacks it or states that it is unknown, such as NaN.
-
-        Parameters
-        ----------
-        key, unit : keyword, and the unit that the standard sets for it
-        """
+        """Return an optional number in the standard's unit; None where the part lacks it or states that it is unknown."""
         entry = self.find(key)
         if entry is None or entry.value.lower() in _NOT_GIVEN:
             return None

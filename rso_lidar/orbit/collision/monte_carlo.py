@@ -176,12 +176,7 @@ def _fly(first: np.ndarray, second: np.ndarray, time_s: np.ndarray, window_s: fl
 
 
 def _scan(first: np.ndarray, second: np.ndarray, radius_m: float, window_s: float, perigee_rad_s: float) -> int:
-    """Count the draws that collide anywhere in a long window, by cubics between nodes of two-body motion.
-
-    Parameters
-    ----------
-    first, second : (draw, 6) states of both objects
-    """
+    """Count the draws (draw, 6) that collide anywhere in a long window, by cubics between nodes of two-body motion."""
     nodes = max(math.ceil(2.0 * window_s * perigee_rad_s / _STEP_RAD), 8) + 1
     time_s = np.linspace(-window_s, window_s, nodes)
     step = float(time_s[1] - time_s[0])

@@ -138,12 +138,7 @@ class Forces(Part):
         pole = _find_almanac(start_utc, sun=False, moon=False)(0.0)[0]
 
         def accelerate(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            """Compute the acceleration [m/s2].
-
-            Parameters
-            ----------
-            x, y, z : components of positions [m]
-            """
+            """Compute the components of the acceleration [m/s2] from those of the position [m]."""
             square = x * x + y * y + z * z
             radius = np.sqrt(square)
             pull = -GM / (square * radius)
@@ -216,12 +211,7 @@ class Forces(Part):
 
 
 def _light_phase(sky: Almanac, time_s: float, r: Vector3) -> int:
-    """Return 2 in full sunlight, 1 in the penumbra, 0 in the umbra.
-
-    Parameters
-    ----------
-    r : position [m]
-    """
+    """Return 2 in full sunlight, 1 in the penumbra, 0 in the umbra, at a position [m]."""
     share = float(sunlit_fraction(np.array([r]), np.array([sky(time_s)[1]]))[0])
     return 2 if share >= 1.0 else 1 if share > 0.0 else 0
 

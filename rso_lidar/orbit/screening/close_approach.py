@@ -249,12 +249,7 @@ def _ranges_m(lead: InTeme, flights: ScheduledFleet, which: int, time_s: tuple[f
 
 
 def _merge(before: CloseApproach, after: CloseApproach, end_m: float, begin_m: float) -> CloseApproach:
-    """Merge two close approaches into one.
-
-    Parameters
-    ----------
-    end_m, begin_m : ranges on both sides of the jump between them [m]
-    """
+    """Merge two close approaches into one, by the ranges on both sides of the jump between them [m]."""
     kept_before = (before.minima_s < before.leave_s) | (end_m <= begin_m)
     kept_after = (after.minima_s > after.enter_s) | (begin_m < end_m)
     return replace(
@@ -280,12 +275,7 @@ def _mark_jumps(approach: CloseApproach, lead: InTeme, flights: ScheduledFleet) 
 
 
 def _sample(pair: RelativePositions, cells: np.ndarray, times: SubIntervals) -> _Nodes:
-    """Sample the ends of the sub-intervals and of those beside them, both ends of the span included.
-
-    Parameters
-    ----------
-    cells : (cell, 2) number of the set, and of the sub-interval
-    """
+    """Sample the ends of sub-intervals (set, number) and of those beside them, both ends of the span included."""
     span_s, begin_s = pair.span_s[cells[:, 0]], times.begin_s + times.sub_s * cells[:, 1]
     cells = cells[(begin_s + times.sub_s >= span_s[:, 0]) & (begin_s <= span_s[:, 1])]
     width = times.last + 1

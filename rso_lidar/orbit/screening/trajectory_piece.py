@@ -119,12 +119,7 @@ class TrajectoryPiece:
     beyond_s: float
 
     def states(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in TEME axes, NaN beyond the continuation.
-
-        Parameters
-        ----------
-        time_s : (time,) instants [s since the start]
-        """
+        """Return position [m] and velocity [m/s] (time, 3) in TEME axes at times since the start, or NaN beyond."""
         position, velocity = np.full((len(time_s), 3), np.nan), np.full((len(time_s), 3), np.nan)
         inside = np.flatnonzero((time_s >= self.from_s) & (time_s <= self.to_s))
         if len(inside):
@@ -206,12 +201,7 @@ def find_pieces(
 def sample_states(
     entry: Trajectory, start_utc: datetime.datetime, time_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """Return position [m] and velocity [m/s] (time, 3) in GCRS axes, NaN without a state, and the reason.
-
-    Parameters
-    ----------
-    time_s : (time,) instants [s]
-    """
+    """Return position [m] and velocity [m/s] (time, 3) in GCRS axes, NaN without a state, and the reason."""
     position, velocity = np.full((len(time_s), 3), np.nan), np.full((len(time_s), 3), np.nan)
     good, why = np.ones(len(time_s), dtype=bool), ""
     for _ in range(2):  # a trajectory without a state at some epochs is asked again for the others
@@ -294,12 +284,7 @@ def _continue_freely(end: np.ndarray, dt_s: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _measure_cubic(position_m: np.ndarray, velocity_m_s: np.ndarray, sub_s: float) -> float:
-    """Return the greatest error [m] of cubics through states one coarse step apart, at the samples between them.
-
-    Parameters
-    ----------
-    position_m, velocity_m_s : (time, 3) samples [m], [m/s]
-    """
+    """Return the greatest error [m] of cubics through states (time, 3) a coarse step apart, at samples between them."""
     if len(position_m) <= CUT:
         return 0.0
     p0, v0, p1, v1 = position_m[:-CUT], velocity_m_s[:-CUT], position_m[CUT:], velocity_m_s[CUT:]

@@ -159,12 +159,7 @@ def _check_header(place: str, header: list[str]) -> None:
 
 
 def _make_broken(place: str, what: str, fields: dict[str, str] | None = None) -> ElementSet:
-    """Make a bad element set that states its problem.
-
-    Parameters
-    ----------
-    fields : what could be read of it; None for nothing
-    """
+    """Make a bad element set that states its problem, and the fields that could be read."""
     fields = fields or {}
     number = fields.get("NORAD_CAT_ID", "").strip()
     identity = int(number) if number.isascii() and number.isdigit() and len(number) < 10 else 0

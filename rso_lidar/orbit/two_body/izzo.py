@@ -19,12 +19,7 @@ _EPS = float(np.finfo(float).eps)
 
 
 def compute_scaled_time(x: float, q: float, lam: float, revolutions: int) -> float:
-    """Return Izzo's scaled time T of an orbit (eqs. 18 and 20).
-
-    Parameters
-    ----------
-    q : chord over half perimeter, 1 - lambda^2
-    """
+    """Return Izzo's scaled time T of an orbit (eqs. 18 and 20); q is chord over half perimeter, 1 - lambda^2."""
     y = math.sqrt(q + lam * lam * x * x)
     eta = y - lam * x if lam * x <= 0.0 else q / (y + lam * x)
     if abs(x - 1.0) < _NEAR_PARABOLA:
@@ -105,12 +100,7 @@ def _solve_single(time: float, q: float, lam: float) -> float:
 def _solve(
     time: float, q: float, lam: float, revolutions: int, start: float, bracket: tuple[float, float], slope: float
 ) -> float:
-    """Solve T(x) = `time` inside a bracket by Householder's third-order method.
-
-    Parameters
-    ----------
-    bracket : low and high x that enclose one root
-    """
+    """Solve T(x) = `time` inside a bracket (low and high x) by Householder's third-order method."""
     low, high = bracket
     x = start if low < start < high else 0.5 * (low + high)
     for _ in range(_STEPS):

@@ -136,12 +136,7 @@ class FilteredFlight:
         return rtn_matrix(state.position_m, state.velocity_m_s)
 
     def _add_burn(self, burn: CarriedBurn, axes: np.ndarray) -> None:
-        """Add a burn: the estimate gains what was commanded, the path what was carried out.
-
-        Parameters
-        ----------
-        axes : (3, 3) rtn axes, as columns
-        """
+        """Add a burn in rtn axes (columns): the estimate gains what was commanded, the path what was carried out."""
         expected = self._thrusters.mean_factor @ burn.command_m_s
         inside = axes @ burn.command_m_s
         covariance = self._thrusters.find_covariance(np.outer(inside, inside))
@@ -166,12 +161,7 @@ class FilteredFlight:
         self._bank.predict(moved, flow.transition(node), self._part.find_noise(end_s - begin_s), thrust)
 
     def _find_errors(self, leg: HeldThrust, stage_s: np.ndarray) -> HeldThrustErrors:
-        """Return what the errors of the thrust of a leg do at instants.
-
-        Parameters
-        ----------
-        stage_s : (stage,) the instants [s]
-        """
+        """Return what the errors of the thrust of a leg do at instants (stage,) [s]."""
         control = lambda time_s: leg.plan.control_m_s2(np.clip(time_s, leg.from_s, np.nextafter(leg.until_s, -np.inf)))  # noqa: E731
         return HeldThrustErrors(stage_s, self._find_axes, control, self._thrusters)
 

@@ -205,12 +205,7 @@ class Steering:
         return clohessy_wiltshire(offset_m, np.zeros(3), self._duration_s, self._n)[0]
 
     def arrive(self, offset_m: np.ndarray, change_m_s: np.ndarray) -> np.ndarray:
-        """Return the difference of velocity (3,) [m/s] on arrival.
-
-        Parameters
-        ----------
-        offset_m, change_m_s : (3,) deviation from the plan at departure [m], [m/s]
-        """
+        """Return the difference of velocity (3,) [m/s] on arrival, from the deviation (3,) from the plan at departure."""
         return clohessy_wiltshire(offset_m, change_m_s, self._duration_s, self._n)[1]
 
     def solve(self, gap_m: np.ndarray) -> np.ndarray:

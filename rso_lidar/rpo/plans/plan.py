@@ -60,12 +60,7 @@ class Leg:
 
 
 def make_coast(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray, mean_motion_rad_s: float) -> Leg:
-    """Return a leg of free flight.
-
-    Parameters
-    ----------
-    position_m, velocity_m_s : (3,) state at its begin [m], [m/s]
-    """
+    """Return a leg of free flight, from its state (3,) at the begin."""
     start = np.array(position_m, dtype=float), np.array(velocity_m_s, dtype=float)
     return Leg(begin_s, lambda time_s: clohessy_wiltshire(*start, time_s, mean_motion_rad_s))
 

@@ -344,24 +344,14 @@ def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[fl
 
 
 def _find_lowest_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> float:
-    """Return the least distance from the Earth's centre [m] during a transfer.
-
-    Parameters
-    ----------
-    start_m : (3,) position of departure [m]
-    """
+    """Return the least distance from the Earth's centre [m] during a transfer from a position (3,) [m]."""
     once_s = min(duration_s, math.tau / max(_find_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
     low_m = propagate_two_body(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
     return float(np.sqrt(np.sum(low_m * low_m, axis=1)).min())
 
 
 def _difference_orbits(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the difference of two orbits in the chief's rotating rtn axes.
-
-    Parameters
-    ----------
-    time_s : (time,) time since the start [s]
-    """
+    """Return the difference of two orbits in the chief's rotating rtn axes at instants (time,) since the start."""
     there, here = (
         BodyState(*propagate_two_body(state.position_m, state.velocity_m_s, time_s)) for state in (chief, body)
     )

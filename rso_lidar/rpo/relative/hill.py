@@ -235,12 +235,7 @@ def mean_motion_of_state(position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3
 
 
 def find_eccentricity(position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3_s2: float = GM) -> float:
-    """Return the osculating eccentricity of a state in GCRS axes.
-
-    Parameters
-    ----------
-    position_m, velocity_m_s : (3,) about the central body [m], [m/s]
-    """
+    """Return the osculating eccentricity of a state (3,) about the central body."""
     momentum = np.cross(position_m, velocity_m_s)
     return float(np.linalg.norm(np.cross(velocity_m_s, momentum) / gm_m3_s2 - position_m / np.linalg.norm(position_m)))
 

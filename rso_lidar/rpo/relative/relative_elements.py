@@ -192,12 +192,7 @@ def rotate_to_equator(state: BodyState, epochs: Epochs) -> BodyState:
 
 
 def difference_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """Return the relative elements (…, 6) between two rows of elements: delta a, lambda, ex, ey, ix, iy [m].
-
-    Parameters
-    ----------
-    chief, body : (…, 6) rows of elements
-    """
+    """Return the relative elements between rows of elements, each (…, 6): delta a, lambda, ex, ey, ix, iy [m]."""
     c, d = np.asarray(chief, dtype=float), np.asarray(body, dtype=float)
     a, node = c[..., 0], _wrap_angle(d[..., 5] - c[..., 5])
     parts = (

@@ -195,12 +195,7 @@ class _ChiefOrbit:
 def _estimate_second_order_m(
     separation_m: float, position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3_s2: float
 ) -> float:
-    """Return a bound [m] of the neglected second order in one revolution, found by propagating both bodies.
-
-    Parameters
-    ----------
-    position_m, velocity_m_s : (3,) state of the chief about its central body [m], [m/s]
-    """
+    """Bound the neglected second order [m] in one revolution about a chief's state (3,), by propagating both bodies."""
     e = float(find_eccentricity(position_m, velocity_m_s, gm_m3_s2))
     h = np.cross(position_m, velocity_m_s)
     perigee_m = float(h @ h) / gm_m3_s2 / (1.0 + e)

@@ -115,12 +115,7 @@ class RelativePrediction:
         return apart
 
     def _propagate(self, columns: np.ndarray, target: ReferenceOrbit) -> np.ndarray:
-        """Return positions (time, 3, column) in the target's rtn axes of relative states (6, column), by linear motion.
-
-        Parameters
-        ----------
-        columns : (6, column)
-        """
+        """Return positions (time, 3, column) in the target's rtn axes of relative states (6, column), by linear motion."""
         at = np.array(target.position_m), np.array(target.velocity_m_s)
         flown = []
         for start in columns.T:

@@ -276,12 +276,7 @@ def find_sight_axes(line_m: np.ndarray, own: BodyState) -> np.ndarray:
 
 
 def _find_start(line: np.ndarray, prediction: RelativePrediction) -> np.ndarray:
-    """Return a relative state (6) from a linear fit of all measurements, with the target's axes as those of the follower.
-
-    Parameters
-    ----------
-    line : (measurement, 3) target minus follower [m]
-    """
+    """Fit a relative state (6) linearly to all lines (measurement, 3) [m], with the target's axes as the follower's."""
     slopes = prediction.differentiate(np.zeros(6))
     state: np.ndarray = np.linalg.lstsq(slopes.reshape(-1, 6), line.ravel(), rcond=None)[0]
     return state

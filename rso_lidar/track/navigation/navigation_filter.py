@@ -346,12 +346,7 @@ class SensorProcesses:
 
     @staticmethod
     def of(part: Any, first: int) -> SensorProcesses:
-        """Return the processes of a sensor whose values `measure` adds to its channels.
-
-        Parameters
-        ----------
-        first : index of its first state
-        """
+        """Return the processes of a sensor whose values `measure` adds to its channels, as states from `first` on."""
         model = part.error_model
         kept = np.flatnonzero(model.channel >= 0)  # -1: not added, such as a scale factor
         decay, drive, start = model.process[kept].T

@@ -29,12 +29,7 @@ def accelerate(position_m: np.ndarray, *, oblate: bool) -> np.ndarray:
 
 
 def find_gradient(position_m: np.ndarray) -> np.ndarray:
-    """Return the gradient (3, 3) [1/s²] of a point mass's gravity; J2 changes it by a thousandth.
-
-    Parameters
-    ----------
-    position_m : (3) in inertial axes [m]
-    """
+    """Return the gradient (3, 3) [1/s²] of a point mass's gravity at a position (3); J2 changes it by a thousandth."""
     square = float(position_m @ position_m)
     return np.asarray(_GM / (square * np.sqrt(square)) * (3.0 / square * np.outer(position_m, position_m) - np.eye(3)))
 

@@ -244,12 +244,7 @@ class HingeFilter:
 
     @classmethod
     def start(cls, time_s: float, angles_rad: Mapping[str, float], sigmas_rad: Mapping[str, float]) -> HingeFilter:
-        """Start at measured angles, and at rest.
-
-        Parameters
-        ----------
-        angles_rad, sigmas_rad : of the hinges by name, with their standard deviations
-        """
+        """Start at measured angles of the hinges by name, with their standard deviations, and at rest."""
         return cls(
             time_s,
             {name: np.array([angle_rad, 0.0]) for name, angle_rad in angles_rad.items()},

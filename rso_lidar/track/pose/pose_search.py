@@ -251,12 +251,7 @@ def search_turns(
 
 
 def _measure_planes_m2(clouds_m: np.ndarray, model: SampledMesh) -> np.ndarray:
-    """Measure the mean square distance (cloud) [m2] of points from the planes of their nearest facets, each limited.
-
-    Parameters
-    ----------
-    clouds_m : points (cloud, n, 3) in body axes [m]
-    """
+    """Measure mean square distances (cloud) [m2] of points (cloud, n, 3) from their nearest facets' planes, each limited."""
     _, nearest = model.find_nearest(clouds_m.reshape(-1, 3))
     off = ((clouds_m.reshape(-1, 3) - model.points_m[nearest]) * model.normals[nearest]).sum(axis=1)
     limited = np.minimum(np.abs(off), _FAR * model.radius_m)
@@ -277,12 +272,7 @@ def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> l
 
 
 def _angle_between_rad(first: Alignment, second: Alignment, model: SampledMesh, by_axis: bool) -> float:
-    """Compute the angle between two poses [rad].
-
-    Parameters
-    ----------
-    by_axis : whether to compare the directions of the long axis only
-    """
+    """Compute the angle between two poses, or between the directions of their long axes [rad]."""
     if by_axis:
         a, b = (alignment.pose.rotation.apply(model.long_axis) for alignment in (first, second))
         return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))

@@ -251,12 +251,7 @@ def sample_mesh(
 
 
 def _check_hinges(hinges: Sequence[MeshHinge], hinge_of_facet: np.ndarray | None, facets: int) -> np.ndarray:
-    """Check the hinges of a mesh, and return the hinge of each facet.
-
-    Parameters
-    ----------
-    hinge_of_facet : (facet) index of the hinge of each facet, -1 for the body
-    """
+    """Check the hinges of a mesh, and return the hinge of each facet (facet), -1 for the body."""
     of_facet = np.asarray(-1 if hinge_of_facet is None else hinge_of_facet)
     if of_facet.shape != (facets,) or of_facet.min() < -1 or of_facet.max() >= len(hinges):
         raise ScenarioError(
