@@ -29,7 +29,7 @@ from rso_lidar.detector.chain.measurement import measure
 from rso_lidar.detector.chain.traces import arm_rows, latch_rows
 from rso_lidar.detector.ranging.location import Locator, locate
 from rso_lidar.detector.ranging.pulse import crlb_s, noise_covariance
-from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.settings.apd import noise_rms
 from rso_lidar.detector.stages.crossing_rate import false_alarm_rate, rice_rate
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.detector.stages.time_axis import place_rows

@@ -92,7 +92,7 @@ def detect(
 def detect_with_taps(
     photons: Photons, detector: AnyDetector, rng: np.random.Generator, threads: int | None = 1
 ) -> tuple[Reading, Waveforms | None, Taps | None]:
-    """Detect the light of one flash, and also return the signals between the stages, None where they are not simulated.
+    """Return the reading of one flash, its waveforms and the signals between the stages; None for what is not simulated.
 
     Reading and waveforms are those of `detect`.
 
@@ -102,10 +102,6 @@ def detect_with_taps(
     detector : a part, or an object that may have a method of this name
     rng : generator of all noise
     threads : number of threads (None: one for each core). The result is the same to the bit
-
-    Returns
-    -------
-    reading, waveforms and signals between the stages; None for what is not simulated.
     """
     return build_detector(detector).detect_with_taps(photons, rng, threads)
 

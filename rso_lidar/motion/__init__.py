@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from rso_lidar.motion.attitudes.look_at import LookAt
     from rso_lidar.motion.attitudes.situation import Attitude, Orientation, Situation
     from rso_lidar.motion.attitudes.slew import Slew
-    from rso_lidar.motion.attitudes.spin import Spin, Tumble
-    from rso_lidar.motion.attitudes.spin_presets import load_spin_presets
+    from rso_lidar.motion.attitudes.spin import Spin, Tumble, load_spin_presets
     from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
     from rso_lidar.motion.bodies.body import RESERVED_AXES, Axes, Body
     from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAngle, HingeAxes, PlannedAngle

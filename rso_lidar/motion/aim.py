@@ -27,12 +27,7 @@ if TYPE_CHECKING:
 
 @cache
 def lidar_from_ptu() -> Rotation:
-    """Return the rotation from PTU axes (x forward, y left, z up) to lidar axes (x right, y down, z ahead).
-
-    Returns
-    -------
-    the constant rotation lidar_from_ptu
-    """
+    """Return the rotation from PTU axes (x forward, y left, z up) to lidar axes (x right, y down, z ahead)."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_quat([0.5, -0.5, 0.5, 0.5])  # [[0, -1, 0], [0, 0, -1], [1, 0, 0]]
@@ -154,16 +149,7 @@ def simulate_drive(
 
 
 def _find_target_vectors(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
-    """Compute the vectors from the PTU to its target.
-
-    Parameters
-    ----------
-    ptu : the pan-tilt unit, which tracks
-
-    Returns
-    -------
-    vectors (time, 3) in the axes of the mount [m]
-    """
+    """Compute the vectors (time, 3) [m] from the PTU to its target, in the axes of the mount."""
     assert isinstance(ptu.point, TrackPoint)
     origins = {body.name: body.origin for body in bodies}
     from_follower, _ = course.poses.place("follower", origins.get(ptu.point.at, ptu.point.at))

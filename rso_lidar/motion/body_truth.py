@@ -117,13 +117,7 @@ class _Evaluation:
         return tree
 
     def move(self, bodies: Sequence[Body], names: Iterable[str], epochs: Epochs, *, rates: bool = True) -> _Evaluation:
-        """Return the evaluation of some axes of some of the bodies at other epochs, in the order that is known.
-
-        Parameters
-        ----------
-        bodies, names, epochs : the bodies, the names of the axes, and the instants
-        rates : whether the rates of the axes are needed
-        """
+        """Evaluate some axes of some bodies, with rates if needed, at other epochs, in the order that is known."""
         wanted, sun = frozenset(names), SunVectors(epochs, self.local, self.sun.given)
         order = tuple(name for name in self.order if name in wanted)
         return _Evaluation(tuple(bodies), order, epochs, self.local, sun, self.flights, rates)
@@ -232,7 +226,6 @@ class _Evaluation:
 
         Parameters
         ----------
-        tree, body, chief : the tree with the axes of the chief, the body, and the name of its chief
         place : position and velocity in the chief's rtn axes
         """
         there, turning, (rho, rho_rate, rates) = tree.link(ROOT, self.by_name[chief].origin), self.turning[chief], place
@@ -390,15 +383,11 @@ class Chief:
         return find_center_states(self._chain[-1].motion, epochs)
 
     def list_breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants at which the states of the body, or of one of its chiefs, have a jump or a corner.
+        """Return the times (break,) since `start_utc` [s] of jumps and corners in the states of the body, or of a chief.
 
         Parameters
         ----------
         epochs : instants that matter
-
-        Returns
-        -------
-        (break,) times since the `start_utc` of `epochs` [s], in any order
         """
         return list_breaks_s(self._chain, epochs, Chief)
 

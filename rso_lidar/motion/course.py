@@ -57,7 +57,9 @@ class Course:
     ) -> None:
         self.bodies, self.is_local, self.start_utc = bodies, local, epochs.start_utc
         self._epochs, self._sun = epochs, sun_direction
-        self.flights = _make_flights(bodies) if commanded else {}
+        self.flights: dict[str, CommandedFlight] = {}
+        if commanded:
+            self.flights = {name: model.begin_flight() for body in bodies for name, model in body.models.items()}
         _check_slews(bodies, self.flights)
         self._whole = None if self.flights else self._at(epochs)
         if exposure_s > 0.0:  # a motion that ends during the last exposure is an error now
@@ -67,16 +69,12 @@ class Course:
         self._now_s = 0.0
 
     def at(self, row: int, command: Command | None) -> Truth:
-        """Return the truth of one flash.
+        """Return the truth of one flash, without PTU and lidar.
 
         Parameters
         ----------
         row : number of the flash
         command : given at the present instant, which is that of the previous call. Its inputs hold from there on
-
-        Returns
-        -------
-        truth at the flash, without PTU and lidar
 
         Raises
         ------
@@ -150,10 +148,6 @@ class Course:
         ----------
         time_s : (time) instants [s]
         for_body : the only body that is needed, with those on which it depends (None: all)
-
-        Returns
-        -------
-        truth of the instants
         """
         bodies = self.bodies
         if for_body is not None:
@@ -203,7 +197,7 @@ class Course:
             flight.restore(state.flights[name])
 
     def during(self, row: int, offsets_s: np.ndarray) -> Truth:
-        """Return the truth at instants about the flash of the last call of `at`, under the same command.
+        """Return the truths, without PTU and lidar, about the flash of the last call of `at`, under the same command.
 
         Without commands it is computed for a block of flashes in one batch.
 
@@ -211,10 +205,6 @@ class Course:
         ----------
         row : number of the flash
         offsets_s : (time) instants after the flash, ascending; negative ones are before it [s]
-
-        Returns
-        -------
-        batch of truths, without PTU and lidar
         """
         self._now_s = max(self._now_s, float(self._epochs.time_s[row] + offsets_s[-1]))
         if self._whole is None:
@@ -234,10 +224,6 @@ class Course:
 
     def _at(self, epochs: Epochs, bodies: Sequence[Body] | None = None) -> Truth:
         return truth(bodies or self.bodies, epochs, local=self.is_local, sun_direction=self._sun, flights=self.flights)
-
-
-def _make_flights(bodies: Sequence[Body]) -> dict[str, CommandedFlight]:
-    return {name: model.begin_flight() for body in bodies for name, model in body.models.items()}
 
 
 def _check_slews(bodies: Sequence[Body], flights: dict[str, CommandedFlight]) -> None:

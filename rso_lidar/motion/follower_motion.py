@@ -104,10 +104,6 @@ class FollowerMotion:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Read attitude, angular velocity and specific force from the state of a rigid body.
 
-        Parameters
-        ----------
-        time_s, list_ahead : as for `find`
-
         Returns
         -------
         inertial_from_body (time, 3, 3), angular velocity (time, 3) [rad/s] and specific force (time, 3) [m/s2] in body axes
@@ -129,10 +125,6 @@ class FollowerMotion:
         """Find inertial_from_rtn (time, 3, 3) of a chief, and its angular velocity (time, 3) in rtn axes [rad/s].
 
         Without commands to the chief, the axes at coming instants are computed in the same batch and kept.
-
-        Parameters
-        ----------
-        time_s, list_ahead : as for `find`
         """
         known_s, matrix, turning = self._ahead
         rows = known_s.searchsorted(time_s)
@@ -218,12 +210,7 @@ def count_dynamics(follower: Body) -> dict[str, int]:
 
 
 def _find_sky(course: Course, truth: Truth, time_s: np.ndarray) -> dict[str, np.ndarray]:
-    """Find the directions (time, 3) from the follower to Sun, Moon and Earth, and the angular radius (time) of the Earth.
-
-    Parameters
-    ----------
-    course, truth, time_s : the run, and its truth at the instants (time) [s]
-    """
+    """Find the directions (time, 3) from the follower to Sun, Moon and Earth, and the angular radius (time) of the Earth."""
     shape = (len(time_s), 3)
     if course.is_local:
         has_sun = np.isfinite(truth.sun_direction).all()
@@ -248,13 +235,7 @@ def _as_rotation(matrix: np.ndarray) -> Rotation:
 def _find_specific_force(
     course: Course, truth: Truth, time_s: np.ndarray, flights: Mapping[str, CommandedFlight]
 ) -> np.ndarray:
-    """Find the acceleration of the follower without gravitation (time, 3) in inertial axes [m/s2].
-
-    Parameters
-    ----------
-    time_s : (time) instants [s]
-    flights : of the follower's models, as ``motion`` and ``attitude``
-    """
+    """Find the follower's acceleration without gravitation (time, 3) in inertial axes [m/s2], by flights of its models."""
     motion, flight = course.bodies[-1].motion, flights.get("motion")
     if isinstance(flight, Flight):
         thrust = flight.specific_force(time_s)
@@ -285,7 +266,6 @@ def _find_angular_acceleration(
 
     Parameters
     ----------
-    time_s : (time) instants [s]
     flights : of the follower's models, as ``motion`` and ``attitude``
     rate : angular velocity relative to inertial axes (time, 3), in body axes [rad/s]
 

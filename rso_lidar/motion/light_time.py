@@ -32,11 +32,6 @@ def apply_light_time(truth: Truth, names: Iterable[str]) -> Truth:
     truth : at emission, with the lidar and all rates; one epoch or a batch
     names : of the axes that light meets, such as those of all surfaces
 
-    Returns
-    -------
-    The same truth, in which the named axes are children of the lidar's. Time, states and all other axes are those at
-    emission
-
     Raises
     ------
     ScenarioError
@@ -56,7 +51,6 @@ def _see(poses: PoseTree, name: str, lidar_m_s: np.ndarray, lidar_rad_s: np.ndar
 
     Parameters
     ----------
-    name : of the axes
     lidar_m_s, lidar_rad_s : (…, 3) velocity and angular velocity of the lidar relative to the root, in lidar axes
     """
     here = poses.link("lidar", name)

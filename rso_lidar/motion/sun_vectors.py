@@ -67,7 +67,6 @@ class SunVectors:
 
         Parameters
         ----------
-        state : of the body, from the Earth's centre
         moon : state of the Moon, for a body that orbits about it; for others its shadow is left out
         """
         if self.local or self.position_m is None:

@@ -45,13 +45,7 @@ MOON = CentralBody("the Moon", units.MOON_GM_M3_S2, units.MOON_RADIUS_M, units.M
 
 
 def check_trajectory(trajectory: Any, name: str) -> None:
-    """Check that an object answers `states`; a motion relative to another body does not.
-
-    Raises
-    ------
-    ScenarioError
-        if it does not
-    """
+    """Raise `ScenarioError` unless an object answers `states`; a motion relative to another body does not."""
     if callable(getattr(trajectory, "states", None)):
         return
     kind, chief = type(trajectory).__name__, getattr(trajectory, "relative_to", None)
@@ -78,17 +72,12 @@ def find_center(trajectory: Any) -> CentralBody:
 
 
 def find_center_states(trajectory: Any, epochs: Epochs) -> BodyState | None:
-    """Return the states (time, 3) of the centre of a trajectory's central body in GCRS axes.
+    """Return the states (time, 3) of the centre of a trajectory's central body in GCRS axes; None for the Earth, the origin.
 
     Parameters
     ----------
     trajectory : anything that answers `states`
     epochs : instants
-
-    Returns
-    -------
-    BodyState or None
-        None for the Earth, which is the origin
     """
     if find_center(trajectory) is EARTH:
         return None

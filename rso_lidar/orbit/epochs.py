@@ -74,13 +74,7 @@ def _tai_us(instant: datetime.datetime) -> int:
 
 
 def check_instant(instant: Any, place: str) -> None:
-    """Check that a value is a datetime with a UTC offset.
-
-    Raises
-    ------
-    ScenarioError
-        if the value is not a datetime, or has no UTC offset
-    """
+    """Raise `ScenarioError` unless a value is a datetime with a UTC offset."""
     if not isinstance(instant, datetime.datetime):
         raise ScenarioError(
             f"{place}: needs a datetime with an offset, such as datetime(2024, 9, 17, 12, tzinfo=UTC), "
@@ -158,15 +152,11 @@ class Epochs:
         return Epochs(self.start_utc, self.time_s + seconds)
 
     def since(self, instant: datetime.datetime) -> np.ndarray:
-        """Return the TAI seconds from an instant to each epoch. A leap second counts as a second.
+        """Return the TAI seconds (time,) from an instant to each epoch. A leap second counts as a second.
 
         Parameters
         ----------
         instant : aware datetime
-
-        Returns
-        -------
-        (time,) [s]
 
         Raises
         ------
@@ -184,10 +174,6 @@ class Epochs:
         ----------
         leap_seconds_at : instant whose leap seconds are used throughout. SGP4 subtracts dates, so an element set from
             before a leap second would otherwise be propagated one second too far, some 7 km
-
-        Returns
-        -------
-        whole, fraction : (time,) [day]
         """
         seconds, fraction_s = self._tai()
         whole, in_day = np.divmod(seconds, units.DAY_S)
@@ -270,7 +256,6 @@ def parse_epoch_ps(text: str, system: str, where: str) -> int:
 
     Parameters
     ----------
-    text : the epoch, such as 2024-09-17T12:00:00.000 or 2024-261T12:00:00.000
     system : one of `TIME_SYSTEMS`
 
     Returns

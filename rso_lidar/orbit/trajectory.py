@@ -34,11 +34,6 @@ class Trajectory(Protocol):
         ----------
         epochs : instants
 
-        Returns
-        -------
-        BodyState
-            states in the order of the epochs
-
         Raises
         ------
         PropagationError
@@ -59,10 +54,6 @@ def state_rates(trajectory: Any, epochs: Epochs, state: BodyState) -> tuple[np.n
     trajectory : answers `states`; if it has a method ``state_rates(state)``, that is called instead
     epochs : instants
     state : its states at `epochs`
-
-    Returns
-    -------
-    velocity, acceleration : (time, 3) [m/s], [m/s2]
     """
     known = getattr(trajectory, "state_rates", None)
     if known is not None:

@@ -64,13 +64,7 @@ def format_years(duration_s: float) -> str:
 
 
 def check_horizon(horizon_s: Any) -> float:
-    """Check a horizon [s], and return it.
-
-    Raises
-    ------
-    ScenarioError
-        if it is not a positive number, or longer than `LONGEST_S`
-    """
+    """Return a horizon [s]; raise `ScenarioError` unless it is positive and not longer than `LONGEST_S`."""
     if (
         isinstance(horizon_s, bool)
         or not isinstance(horizon_s, int | float | np.number)

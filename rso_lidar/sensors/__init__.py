@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     )
     from rso_lidar.sensors.gnss import Gnss, RelativeGnss
     from rso_lidar.sensors.inertial import Accelerometer, Gyro
-    from rso_lidar.sensors.presets import load_sensor_presets
     from rso_lidar.sensors.random_errors import draw_normals, make_key
-    from rso_lidar.sensors.sensor_part import OutageWindow, RandomOutage
+    from rso_lidar.sensors.sensor_part import OutageWindow, RandomOutage, load_sensor_presets
     from rso_lidar.sensors.star_tracker import StarTracker
     from rso_lidar.sensors.suite import SensorSuite
 else:

@@ -27,17 +27,7 @@ class ActuatorTelemetry(SensorPart):
     )
 
     def _read(self, motion: BodyMotion, vector: Literal["state", "input"], entries: Sequence[int]) -> np.ndarray:
-        """Return entries (time, entry) of the state or the input of the dynamics.
-
-        Parameters
-        ----------
-        entries : their places, from 0
-
-        Raises
-        ------
-        ScenarioError
-            If there are no such dynamics or entries
-        """
+        """Return entries (time, entry), by their places, of the state or the input of the dynamics."""
         if not entries:
             return np.empty((len(motion.time_s), 0))
         values = motion.dynamics.get(f"{self.dynamics}.{vector}")

@@ -75,10 +75,6 @@ class SampleSchedule(NamedTuple):
 
         Instants less than half a nanosecond apart are simultaneous, so that rounding of a sum such as 0.1 + 0.2 does not
         delay a sample to the next flash.
-
-        Parameters
-        ----------
-        after_s, until_s : ends of the interval, since `start_utc` [s]
         """
         first_s = self.phase_s + self.latency_s
         ends = []

@@ -59,16 +59,7 @@ class GnssReceiver(SensorPart):
         return white, [gauss_markov(channels, sigma, self.correlation_s, step_s) for channels, sigma in slow]
 
     def find_impairments(self, motion: BodyMotion) -> list[Impairment]:
-        """Find where the follower is above the volume in which GNSS is designed to serve.
-
-        Parameters
-        ----------
-        motion : true motion of the follower
-
-        Returns
-        -------
-        one for each kind of impairment
-        """
+        """Find where the follower is above the volume in which GNSS is designed to serve."""
         if motion.earth_direction is None:  # a local world
             return []
         above = length(motion.position_m) - units.EARTH_RADIUS_M > _SERVICE_HEIGHT_M

@@ -52,10 +52,6 @@ def make_model(white: np.ndarray, processes: list[ErrorProcess], outage: tuple[f
     white : (channel) standard deviation of the white noise of a sample
     processes : in any order. Channel -1 marks a constant that the sensor applies itself; those are kept, in their order
     outage : probabilities as in `ErrorModel`
-
-    Returns
-    -------
-    the model
     """
     effective = [it for it in processes if it.drive or it.start or it.channels[0] < 0]
     ordered = sorted(effective, key=lambda it: (it.drive == 0.0, it.channels[0] >= 0))
@@ -105,14 +101,7 @@ def draw_normals(key: np.ndarray, first_sample: int, count: int, width: int) -> 
 
 @kernel
 def fill_normals(key: np.ndarray, first: int, stage: int, normals: np.ndarray) -> None:
-    """Write standard normal numbers by Box and Muller's method.
-
-    Parameters
-    ----------
-    key : (2) uint32
-    first : number of the first sample
-    normals : (sample, width), written
-    """
+    """Write standard normal numbers (sample, width) by Box and Muller's method."""
     for k in range(normals.shape[0]):
         draw_sample(key, first + k, stage, normals[k])
 

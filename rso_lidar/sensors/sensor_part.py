@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from abc import abstractmethod
-from functools import cached_property
+from collections.abc import Mapping
+from functools import cache, cached_property
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.part import Name, NotNegative, Part, Positive, Text
 from rso_lidar.records import BodyMotion, MotionQuantity, SensorState
-from rso_lidar.sensors.presets import merge_preset
 from rso_lidar.sensors.random_errors import ErrorModel, ErrorProcess, draw_errors, make_model
 
 _MAX_RATE_HZ = 1e5
@@ -77,7 +79,7 @@ class SensorPart(Part):
     @classmethod
     def _from_preset(cls, given: Any) -> Any:
         kind = cls.model_fields["type"].default if "type" in cls.model_fields else None
-        return merge_preset(kind, given) if isinstance(given, dict) else given
+        return _merge_preset(kind, given) if isinstance(given, dict) else given
 
     @property
     def reads(self) -> frozenset[str]:
@@ -184,13 +186,7 @@ class SensorPart(Part):
 
 
 def gauss_markov(channels: tuple[int, ...], sigma: float, correlation_s: float, step_s: float) -> ErrorProcess:
-    """Return a Gauss-Markov process of first order, discretised exactly, that starts in its stationary distribution.
-
-    Parameters
-    ----------
-    correlation_s : correlation time [s]
-    step_s : sampling interval [s]
-    """
+    """Return a Gauss-Markov process of first order, discretised exactly, that starts in its stationary distribution."""
     decay = math.exp(-step_s / correlation_s)
     return ErrorProcess(channels, decay, sigma * math.sqrt(-math.expm1(-2.0 * step_s / correlation_s)), sigma)
 
@@ -202,11 +198,6 @@ def flicker(
 
     There is one process for each decade of the correlation time, all of one variance. The greatest Allan deviation of the
     sum is `floor`.
-
-    Parameters
-    ----------
-    correlation_s : shortest and longest correlation time [s]
-    step_s : sampling interval [s]
     """
     shortest, longest = correlation_s
     count = 1 + round(math.log(longest / shortest, _DECADE))
@@ -219,13 +210,7 @@ def flicker(
 
 
 def gauss_markov_allan_variance(averaging_s: np.ndarray, sigma: float, correlation_s: float) -> np.ndarray:
-    """Return the Allan variance (…) of a Gauss-Markov process of first order (IEEE Std 952, annex C).
-
-    Parameters
-    ----------
-    averaging_s : averaging times (…) [s]
-    correlation_s : correlation time [s]
-    """
+    """Return the Allan variance (…) of a Gauss-Markov process of first order (IEEE Std 952, annex C)."""
     x = averaging_s / correlation_s
     # 2 s2 / x (1 - (3 - 4 exp(-x) + exp(-2 x)) / (2 x)), by expm1 so that short times lose no digits
     short, double = np.expm1(-x), np.expm1(-2.0 * x)
@@ -242,3 +227,20 @@ def check_correlation(times_s: tuple[float, float]) -> tuple[float, float]:
             f"({shortest:g}, {longest:g})"
         )
     return times_s
+
+
+@cache
+def load_sensor_presets() -> dict[str, dict[str, Any]]:
+    """Load the shipped sensors by name, as TOML tables of `[[sensor]]` with a line `what`."""
+    return tomllib.loads(Path(__file__).with_name("presets.toml").read_text(encoding="utf-8"))
+
+
+def _merge_preset(kind: str | None, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a table with the values of its preset where it has none; without a preset, the table itself."""
+    name = given.get("preset")
+    if not isinstance(name, str):
+        return given
+    known = {each: table for each, table in load_sensor_presets().items() if table["type"] == kind}
+    if name not in known:
+        raise ValueError(f"preset: no {kind} '{name}'{did_you_mean(name, known)} (known: {', '.join(known)})")
+    return {key: value for key, value in known[name].items() if key != "what"} | dict(given)

@@ -141,16 +141,7 @@ class StarTracker(SensorPart):
         return "attitude"
 
     def find_impairments(self, motion: BodyMotion) -> list[Impairment]:
-        """Find where the tracker is blinded, or the body is too fast for it.
-
-        Parameters
-        ----------
-        motion : true motion of the follower
-
-        Returns
-        -------
-        one for each kind of impairment
-        """
+        """Find where the tracker is blinded, or the body is too fast for it."""
         causes = self._find_blinding(motion)
         shares = [f"{name} {np.mean(mask):.0%}" for name, mask in causes.items() if mask.any()]
         blinded = _join(causes, motion)

@@ -94,12 +94,7 @@ class SensorSuite:
     def _measure(
         self, name: str, motion: BodyMotion, first: int, state: SensorState | None
     ) -> tuple[SensorSamples, SensorState]:
-        """Measure successive samples of one sensor.
-
-        Parameters
-        ----------
-        motion, first, state : as `Sensor.measure` takes them
-        """
+        """Measure successive samples of one sensor."""
         with add_place(f"sensor '{name}'"):
             return measure_samples(self._sensors[name], motion, self._keys[name], first, state)
 

@@ -60,10 +60,6 @@ def nis_bounds(count: int = 1, share: float = 0.95) -> tuple[float, float]:
     count : number of NIS in the mean
     share : probability that a consistent filter is within the bounds
 
-    Returns
-    -------
-    lower and upper bound
-
     Examples
     --------
     >>> [round(bound, 3) for bound in nis_bounds()]
@@ -161,10 +157,6 @@ def _discretize(mean_motion_rad_s: float | None, density: float, step_s: float) 
     mean_motion_rad_s : of the orbit [rad/s]; None for constant velocity
     density : root of the spectral density of white acceleration [m/s²/√Hz]
     step_s : length of the step [s]
-
-    Returns
-    -------
-    transition matrix (6, 6), and covariance (6, 6) in SI units
     """
     from scipy.linalg import expm
 

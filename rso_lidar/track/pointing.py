@@ -89,10 +89,6 @@ class Pointing:
         ----------
         toward : direction (3,) in PTU axes, of any length
         pan, tilt : measured angles [rad]
-
-        Returns
-        -------
-        pan and tilt (2,) [rad]
         """
         x, y, z = (toward / np.linalg.norm(toward)).tolist()
         x, z = x * math.cos(tilt) - z * math.sin(tilt), x * math.sin(tilt) + z * math.cos(tilt)
@@ -110,7 +106,6 @@ class Pointing:
 
         Parameters
         ----------
-        time_s : instant of the measurement [s]
         angle : pan and tilt (2,) to the target [rad]
         measured : pan and tilt (2,) of the encoders [rad]
         """

@@ -36,12 +36,7 @@ class BuiltDetector(Protocol):
     def detect_with_taps(
         self, photons: Photons, rng: np.random.Generator, threads: int | None
     ) -> tuple[Reading, Waveforms | None, Taps | None]:
-        """Detect, and also return the signals between the stages, None where they are not simulated.
-
-        Parameters
-        ----------
-        photons, rng, threads : as for `detect`
-        """
+        """Detect, and also return the signals between the stages, None where they are not simulated."""
         return *self.detect(photons, rng, threads), None
 
     def check_noise(self) -> None:
@@ -89,7 +84,6 @@ class BuiltDetector(Protocol):
 
         Parameters
         ----------
-        pulse : the laser's pulse
         photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s]
         only_probability : whether the other members of the prediction are not needed
         """

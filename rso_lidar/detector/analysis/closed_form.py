@@ -212,12 +212,7 @@ def _assume_pulse(gsfl: Gsfl, pulse: LaserPulse) -> _AssumedPulse:
 
 @lru_cache(maxsize=1024)
 def _compute_response(gsfl: Gsfl, pulse: LaserPulse, stretch_s: float) -> _Response:
-    """Return the response of the amplifier to a pulse that a surface stretches evenly.
-
-    Parameters
-    ----------
-    stretch_s : time over which the surface stretches it [s]
-    """
+    """Return the response of the amplifier to a pulse that a surface stretches evenly."""
     pole_s, width_s = gsfl.amplifier.pole_s, gsfl.amplifier.integration_s
     step_s, taps, assumed = pulse.step_s, pulse.power_per_s, _assume_pulse(gsfl, pulse)
     energy = np.cumsum(taps) * step_s

@@ -15,9 +15,9 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.analysis.closed_form import predict_gsfl
-from rso_lidar.detector.analysis.sunlight_levels import split_sunlight
 from rso_lidar.detector.chain.camera import FlashCamera, camera_of
 from rso_lidar.detector.ranging.pulse import LaserPulse, Pulse
+from rso_lidar.detector.settings.apd import noise_rms
 from rso_lidar.detector.settings.focal_plane import Timing
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.false_triggers import rates_per_s
@@ -33,6 +33,8 @@ _DEPTHS = np.array([0.0, 0.5, 1.0, 2.0, 4.0])  # of light, in pulse lengths
 _LEAST = 1e-9  # probability at which a curve ends
 
 _tables = threading.Lock()  # of several threads one computes a table, and the others wait for it
+_GROWTH_STEP = 0.113_328_685_307_003_3  # log 1.12 of noise in sunlight over that in the dark, between levels
+_NO_GROWTH = 0.019_802_627_296_179_73  # log 1.02: less sunlight counts as none
 
 
 def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
@@ -40,8 +42,6 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
 
     Parameters
     ----------
-    gsfl : the detector
-    photons : light on every pixel
     mine : (return) whether a report of this return counts
 
     Returns
@@ -78,10 +78,6 @@ def _raise_dark_current(gsfl: Gsfl, background_photons_per_s: float) -> Gsfl:
     Photoelectrons of sunlight and of the dark current are multiplied alike, and the baseline takes the mean of both. What
     differs from frame to frame without an effect on a pixel that looks at light is set to one value, so that tables made
     for one frame serve the others.
-
-    Parameters
-    ----------
-    background_photons_per_s : sunlight [photons/s]
     """
     extra_na = gsfl.quantum_efficiency * background_photons_per_s * units.ELEMENTARY_CHARGE_C / units.NA
     gate = None if gsfl.gate is None else gsfl.gate.replace(delay_ns=0.0)
@@ -96,8 +92,6 @@ def _detect_clusters(dark: Gsfl, camera: FlashCamera, photons: Photons) -> np.nd
     Parameters
     ----------
     dark : the detector with the noise in force, in the dark
-    camera : the camera that looks
-    photons : light on every pixel
     """
     pulse, shape = LaserPulse.of(photons), camera.pulse
     threshold_photons = dark.traits.threshold_photons / shape.peak
@@ -128,17 +122,12 @@ def combine_clusters(
 
     Parameters
     ----------
-    photons : light on every pixel
     mine : (return) whether a report of this return counts. A cluster counts where most of its light does
     detected : (cluster) probability that it triggers
     false_rate_per_s : (cluster) rate of false alarms of its pixel [1/s]
     window_m : nearest and farthest range at which the pixels are armed [m]
     lists_several : whether a pixel can report a farther cluster than the first that triggers. The probability of one that
         counts is then not known in the presence of others (None)
-
-    Returns
-    -------
-    (pixel) probability.
     """
     n_pixels, n_clusters = photons.shape[0] * photons.shape[1], len(photons.cluster_pixel)
     pixel = photons.cluster_pixel
@@ -168,8 +157,6 @@ def _sum_clusters(photons: Photons, pulse: Pulse, sure_photons: float) -> np.nda
 
     Parameters
     ----------
-    photons : light on every pixel
-    pulse : shape of one return behind the amplifier
     sure_photons : photons that are detected in any case; brighter clusters are only bounded from below
     """
     n_clusters = len(photons.cluster_pixel)
@@ -216,12 +203,7 @@ class _TriggerCurve:
         self._photons, self._still, self._shot, self._beside = threshold_photons, still, shot, beside
 
     def read(self, photons: np.ndarray, factor: np.ndarray) -> np.ndarray:
-        """Return the probability (return) of detection.
-
-        Parameters
-        ----------
-        photons, factor : (return) photons, and factor of the pixel's threshold
-        """
+        """Return the probability (return) of detection."""
         from scipy.special import ndtr
 
         u = photons / self._photons
@@ -236,9 +218,7 @@ def _tabulate_curve(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) -> 
 
     Parameters
     ----------
-    gsfl : the detector, without a gate
     threshold_photons : photons whose amplitude reaches the nominal threshold
-    pulse : the laser's pulse
     """
     from scipy.special import ndtri
 
@@ -253,10 +233,6 @@ def _tabulate_curve(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) -> 
 @lru_cache(maxsize=64)
 def _tabulate_depths(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) -> tuple[np.ndarray, np.ndarray]:
     """Return how much easier light of some depth is to detect than its highest sum says, because it lasts longer.
-
-    Parameters
-    ----------
-    gsfl, threshold_photons, pulse : as for `_tabulate_curve`
 
     Returns
     -------
@@ -280,3 +256,28 @@ def _tabulate_depths(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) ->
         levels.append(highest)
         needed.append(float(np.interp(0.0, normal, light)) * highest)
     return np.array(levels), needed[0] / np.array(needed)
+
+
+def split_sunlight(gsfl: Gsfl, background_photons_per_s: np.ndarray) -> list[tuple[float, np.ndarray]]:
+    """Split sunlight between levels of the noise that it makes, a factor of 1.12 apart, for linear interpolation.
+
+    Parameters
+    ----------
+    background_photons_per_s : (pixel) sunlight [photons/s]
+
+    Returns
+    -------
+    levels of sunlight [photons/s], each with the weights (pixel) of what is computed at it. They sum to 1 in each pixel.
+    """
+    amplifier, apd = gsfl.amplifier, gsfl.apd
+    dark_variance = gsfl.noise_electrons**2
+    shot = float(noise_rms(apd, gsfl.quantum_efficiency, 0.0, amplifier.pole_s, amplifier.integration_s)) ** 2
+    if dark_variance == 0.0:  # no noise that could grow: sunlight is a few steps of its own
+        dark_variance = shot * max(float(background_photons_per_s.max(initial=0.0)), 1.0) * 1e-3
+    growth = 0.5 * np.log1p(background_photons_per_s * (shot / dark_variance))
+    place = np.where(growth < _NO_GROWTH, 0.0, growth / _GROWTH_STEP)
+    split = []
+    for k in np.unique([np.floor(place), np.ceil(place)]):
+        weight = np.maximum(1.0 - np.abs(place - k), 0.0)
+        split.append((float(np.expm1(2.0 * k * _GROWTH_STEP) * dark_variance / shot), weight))
+    return split

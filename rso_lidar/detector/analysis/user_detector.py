@@ -195,14 +195,6 @@ def check_traits(detector: object) -> None:
 def check_reading(detector: Any, method: str, answer: object, photons: Photons) -> tuple[Reading, Waveforms | None]:
     """Check what the method of a user-defined detector returned.
 
-    Parameters
-    ----------
-    photons : the light that it was given
-
-    Returns
-    -------
-    the reading, and the waveforms or None.
-
     Raises
     ------
     ScenarioError : if that is not a reading of the array with or without waveforms.
@@ -229,10 +221,6 @@ def check_reading(detector: Any, method: str, answer: object, photons: Photons) 
 def check_prediction(detector: object, method: str, prediction: object, *, shape: tuple[int, ...]) -> Prediction | None:
     """Check the closed form that a user-defined detector returned, and return it.
 
-    Returns
-    -------
-    the prediction, or None without a closed form.
-
     Raises
     ------
     ScenarioError
@@ -254,10 +242,6 @@ def check_prediction(detector: object, method: str, prediction: object, *, shape
 
 def check_array_load(detector: object, method: str, load: object, *, n_pixels: int) -> ArrayLoad:
     """Check the array load that a user-defined detector returned, and return it.
-
-    Parameters
-    ----------
-    n_pixels : number of pixels
 
     Raises
     ------

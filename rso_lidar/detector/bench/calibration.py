@@ -80,16 +80,7 @@ def solve_preset(noise_electrons: float | None, repeats: int = 24) -> tuple[floa
 
 
 def run_reference_trial(gsfl: Gsfl, photons: float, repeats: int = 2) -> Trial:
-    """Run a trial at the reference state, over several flashes of a camera.
-
-    Parameters
-    ----------
-    repeats : number of flashes
-
-    Returns
-    -------
-    results of all pixels of all flashes.
-    """
+    """Run a trial at the reference state, over several flashes of a camera."""
     rng = np.random.Generator(np.random.Philox(_SEED + round(photons)))
     seen = make_plate(photons, _PIXELS, make_reference_pulse(), REFERENCE_FWHM_S)
     trials = [run_trial(gsfl, seen, rng) for _ in range(repeats)]

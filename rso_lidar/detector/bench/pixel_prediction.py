@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.analysis.sunlight_levels import split_sunlight
+from rso_lidar.detector.analysis.pixel_reports import split_sunlight
 from rso_lidar.detector.bench.scatter_table import read_scatter_m, threshold_of_returns
 from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import run_chain
@@ -121,12 +121,7 @@ class _Clusters:
 
 
 def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Clusters:
-    """Find the labelled cluster of each pixel.
-
-    Parameters
-    ----------
-    true_range_m : (row, col) range of the labelled cluster [m], or None for the brightest cluster
-    """
+    """Find the labelled cluster of each pixel: the one at a range (row, col) [m], or with None the brightest."""
     n_clusters, pixel = len(photons.cluster_pixel), photons.cluster_pixel
     light = np.bincount(photons.cluster, photons.photons, n_clusters)
     total = np.where(light > 0.0, light, 1.0)
@@ -166,16 +161,7 @@ def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Cluste
 def _predict(
     photons: Photons, detector: AnyDetector, there: _Clusters, draws: int, threads: int | None, *, by_table: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predict by the first method that applies to the detector.
-
-    Parameters
-    ----------
-    draws, threads, by_table : as for `predict_pixels`
-
-    Returns
-    -------
-    probability and scatter [m] (lit).
-    """
+    """Predict probability and scatter [m] (lit) by the first method that applies to the detector."""
     if isinstance(detector, GeigerArray):
         return _summarise(photon_counter.try_lit_pixels(detector, photons, there.pixel), there, photons.pulse_fwhm_s)
     if isinstance(detector, Gsfl | Empirical):
@@ -200,12 +186,7 @@ def _predict_by_form(
     Parameters
     ----------
     probability : (lit) probability by the closed form
-    draws : number of trials of each pixel
     by_table : whether scatter comes from the table, and not from trials of every pixel
-
-    Returns
-    -------
-    probability and scatter [m] (lit).
     """
     if by_table:
         sunlight = np.zeros(len(there.pixel))
@@ -251,17 +232,7 @@ def _find_special(photons: Photons, gsfl: Gsfl, there: _Clusters) -> np.ndarray:
 
 
 def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> tuple[np.ndarray, np.ndarray]:
-    """Predict by trials of some pixels, which do not affect each other. Each keeps its fixed pattern.
-
-    Parameters
-    ----------
-    there : the labelled clusters of the pixels
-    draws : number of trials of each pixel
-
-    Returns
-    -------
-    probability and scatter [m] (lit).
-    """
+    """Predict by trials of some pixels, which do not affect each other. Each keeps its fixed pattern."""
     lit = there.pixel
     place = np.searchsorted(lit, photons.pixel)
     of = np.flatnonzero(np.append(lit, -1)[place] == photons.pixel)
@@ -294,12 +265,7 @@ def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> t
 def _predict_by_repetition(
     photons: Photons, detector: AnyDetector, there: _Clusters, draws: int, threads: int | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predict by detecting the flash many times with other noise.
-
-    Parameters
-    ----------
-    draws, threads : as for `_predict`, which also says what is returned
-    """
+    """Predict by detecting the flash many times with other noise."""
     reported_m = np.empty((draws, len(there.pixel)))
     for k in range(draws):
         rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(_SEED, spawn_key=(k,))))
@@ -308,7 +274,7 @@ def _predict_by_repetition(
 
 
 def _summarise(reported_m: np.ndarray, there: _Clusters, fwhm_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return share and scatter of the reports that count.
+    """Return share and scatter [m] (lit) of the reports that count.
 
     The scatter of a few reports is uncertain. So the pooled variance of about equally bright pixels is added to the variance
     of each pixel, with eight degrees of freedom.
@@ -317,10 +283,6 @@ def _summarise(reported_m: np.ndarray, there: _Clusters, fwhm_s: float) -> tuple
     ----------
     reported_m : (draw, lit) reported ranges [m], NaN where none
     fwhm_s : length of the pulse [s]. If no pixel reports twice, the scatter is that of a uniform distribution over it
-
-    Returns
-    -------
-    probability and scatter [m] (lit).
     """
     with np.errstate(invalid="ignore"):
         inside = (reported_m >= there.near_m) & (reported_m <= there.far_m)

@@ -84,17 +84,7 @@ def find_photons(detector: AnyDetector, pulse: LaserPulse, probability: np.ndarr
 
 
 def _predict_by_trial(detector: AnyDetector, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray) -> Prediction:
-    """Predict from pixels that each meet one of the returns, in the middle of what the detector sees.
-
-    Parameters
-    ----------
-    detector, pulse : as for `predict`
-    photons, depth_s : (return) as for `predict`
-
-    Returns
-    -------
-    as `predict`.
-    """
+    """Predict, as `predict` does, from pixels that each meet one return, in the middle of what the detector sees."""
     photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
     traits, levels = detector.traits, photons.size
     n = max(min(_TRIALS, _MOST_SAMPLES // (traits.samples * traits.pulses * max(levels, 1))), _FEWEST)

@@ -49,16 +49,7 @@ class Separations:
         return self._interpolate(first - 1, first, probability), self._interpolate(last + 1, last, probability)
 
     def _interpolate(self, out: int, inside: int, probability: float) -> float:
-        """Interpolate the separation [m] at which the probability is passed.
-
-        Parameters
-        ----------
-        out, inside : number of a separation where the probability is below it, and of one where it is not
-
-        Returns
-        -------
-        separation [m].
-        """
+        """Interpolate the separation [m] at which the probability is passed, between one below (`out`) and one not."""
         if not 0 <= out < len(self.probability):
             return float(self.separation_m[inside])
         low, high = self.probability[out], self.probability[inside]
@@ -85,10 +76,6 @@ def simulate_pairs(
     separation_m : (separation) distances of the two in range [m]
     photons : of the near and the far return (None: five times the threshold each)
     each : trials of each separation
-
-    Returns
-    -------
-    probability at each separation that both are listed.
     """
     traits = detector.traits
     near, far = photons or (SIGNAL_OVER_THRESHOLD * traits.threshold_photons,) * 2
@@ -133,12 +120,7 @@ def simulate_separations(
 
 @lru_cache(maxsize=16)
 def _simulate_listed(detector: Any, pulse: LaserPulse, over: float) -> Separations:
-    """Simulate what `simulate_separations` returns, cached.
-
-    Returns
-    -------
-    probability at each separation that both are listed.
-    """
+    """Simulate what `simulate_separations` returns, cached."""
     traits, width_m = detector.traits, pulse.fwhm_s * units.RANGE_PER_DELAY_M_S
     stored_m = min(traits.stored_behind_m, traits.sees_to_m - traits.sees_from_m)
     near = np.linspace(0.25 * width_m, 3.0 * width_m, 45)

@@ -68,13 +68,7 @@ def threshold_of_returns(gsfl: Gsfl) -> float:
 
 @lru_cache(maxsize=512)
 def _try_levels(gsfl: Gsfl, pulse: LaserPulse, sunlight_per_s: float, depth: float) -> np.ndarray:
-    """Measure the scatter of range (level) [m] of reported returns of one depth by trials.
-
-    Parameters
-    ----------
-    gsfl : the detector, whose pixels do not affect each other
-    sunlight_per_s : sunlight on the pixels [photons/s]
-    """
+    """Measure by trials the scatter of range (level) [m] of returns of one depth in separate pixels."""
     trials = np.where(_LEVELS < 1.0, _FAINT_TRIALS, 1) * max(_TRIALS // gsfl.traits.pulses, _FEWEST_TRIALS)
     number = np.repeat(np.arange(len(_LEVELS)), trials)
     n = len(number)

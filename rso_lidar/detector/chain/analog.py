@@ -89,12 +89,7 @@ class Analog:
 
 
 def draw_speckle_factors(speckle: Speckle | None, photons: Photons, rng: np.random.Generator) -> np.ndarray | None:
-    """Return the random factors (return) of speckle on the photons, one for each cluster; None without speckle.
-
-    Parameters
-    ----------
-    speckle : its settings; None for light without speckle
-    """
+    """Return the random factors (return) of speckle on the photons, one for each cluster; None without speckle."""
     if speckle is None or not len(photons.pixel):
         return None
     cells = np.bincount(photons.cluster, photons.coherence_cells, len(photons.cluster_pixel))
@@ -110,17 +105,7 @@ def simulate_analog(
     rng: np.random.Generator | None,
     threads: int | None = 1,
 ) -> Analog:
-    """Simulate the amplifier's output over the rows.
-
-    Parameters
-    ----------
-    rng : random generator (None: the mean of the output, free of noise)
-    threads : number of threads (None: one for each core). The result is the same to the bit
-
-    Returns
-    -------
-    amplitudes over the rows, with what the comparator needs.
-    """
+    """Simulate the amplifier's output over the rows; without a generator its mean, free of noise."""
     n, gain, step_s = rows.length, np.float32(front.avalanche.apd.gain), axis.step_s
     factors = draw_speckle_factors(front.speckle, photons, rng) if rng else None
     n_rows = len(rows.pixel)
@@ -188,7 +173,6 @@ def solve_drooped_gain(
     rows : stretches of time of the lit pixels
     electrons : (row, step) electrons drawn at the gain of rest, less the mean of dark current and sunlight
     steady_per_s : electrons of sunlight on the whole array [1/s]
-    step_s : length of a step [s]
     """
     if not len(rows.pixel):
         return electrons

@@ -63,10 +63,6 @@ def build_camera(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
 
     Cameras whose gates differ by their delay alone share all the rest, because a plan or a controller moves the gate from
     frame to frame.
-
-    Parameters
-    ----------
-    n_pixels : pixels of the array
     """
     if pulse.power_per_s.flags.writeable:  # what is kept must not change with a caller's array
         pulse = pulse._replace(power_per_s=pulse.power_per_s.copy())
@@ -78,12 +74,7 @@ def build_camera(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
 
 @lru_cache(maxsize=8)  # a camera of 512 x 512 pixels has 15 MB of maps
 def _build(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
-    """Build a camera, kept: the only place where frames share what their settings determine.
-
-    Parameters
-    ----------
-    n_pixels : as for `build_camera`
-    """
+    """Build a camera, kept: the only place where frames share what their settings determine."""
     amplifier, window_m = gsfl.amplifier, (gsfl.armed_from_m, gsfl.armed_to_m)
     pixels = draw_camera_pixels(gsfl, n_pixels)
     from_s, to_s = (range_m / units.RANGE_PER_DELAY_M_S for range_m in window_m)
@@ -116,12 +107,7 @@ def _build(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
 
 
 def _build_processor(gsfl: Gsfl, pixels: CameraPixels, pulse: Pulse) -> RangeProcessor:
-    """Build the digital end of a camera.
-
-    Parameters
-    ----------
-    gsfl, pixels : the detector, and its pixels
-    """
+    """Build the digital end of a camera."""
     readout, saturation, maps = gsfl.readout, gsfl.saturation, gsfl.maps
     locator = Locator.of(
         pulse,

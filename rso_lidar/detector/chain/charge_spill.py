@@ -32,10 +32,6 @@ def spill_charge(bloom: Bloom, photons: Photons, electrons_per_photon: float) ->
     ----------
     bloom : full well, share and delay of what spills
     electrons_per_photon : mean number of electrons after the APD for each photon
-
-    Returns
-    -------
-    The light that would make the charge in every pixel.
     """
     if not len(photons.pixel):
         return photons
@@ -65,17 +61,13 @@ def spill_charge(bloom: Bloom, photons: Photons, electrons_per_photon: float) ->
 
 
 def find_spill(held: np.ndarray, well: float, spill_fraction: float) -> tuple[np.ndarray, np.ndarray]:
-    """Find what charge leaves pixels and what they collect.
+    """Find what charge leaves each pixel and what each collects (row, col).
 
     Parameters
     ----------
     held : (row, col) charge made in each pixel
     well : charge that a pixel holds, in the same unit
     spill_fraction : share of the charge above the well that leaves
-
-    Returns
-    -------
-    Charge that leaves each pixel, and that each collects (row, col), in that unit.
     """
     lost, collected = np.zeros_like(held, dtype=float), np.zeros_like(held, dtype=float)
     leaving = spill_fraction * np.maximum(held - well, 0.0)
@@ -98,13 +90,7 @@ def find_spill(held: np.ndarray, well: float, spill_fraction: float) -> tuple[np
 def _return_charge(
     photons: Photons, of: np.ndarray, lost: np.ndarray, collected: np.ndarray, delay_s: float
 ) -> dict[str, np.ndarray]:
-    """Return the collected charge of one pulse as returns: the delay is that of the nearest pixel that spills.
-
-    Parameters
-    ----------
-    lost, collected : (row, col) charge that leaves, and that is collected and stays, in photons
-    delay_s : how much later it arrives [s]
-    """
+    """Return the collected charge (row, col) of one pulse as returns, with the delay of the nearest pixel that spills."""
     from scipy.ndimage import distance_transform_edt
 
     n_pixels = lost.size

@@ -10,16 +10,18 @@ from rso_lidar import units
 from rso_lidar.detector.ranging.gate_threshold import GateThresholds
 from rso_lidar.detector.ranging.location import Locator, locate, locate_all
 from rso_lidar.detector.ranging.range_walk import correct_walk
-from rso_lidar.detector.ranging.report import report_returns
 from rso_lidar.detector.settings.focal_plane import Crosstalk
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.stages.array_effects import draw_shift_m, latch_share
 from rso_lidar.detector.stages.nonuniformity import CameraPixels
+from rso_lidar.kernels import kernel, packed
 from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Reading, Waveforms
 
 _TRACES_AT_ONCE = 1024  # for one thread: some 0.3 ms
 _LOOKED_FOR = 8  # returns in a trace: more do not fit between its ends
+FIRST, STRONGEST, LAST = range(3)  # of the returns, is reported as range and intensity
+_CHOICES = {"first": FIRST, "strongest": STRONGEST, "last": LAST}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +51,7 @@ class RangeProcessor:
 def measure(
     processor: RangeProcessor, waveforms: Waveforms, rng: np.random.Generator, threads: int | None = 1
 ) -> Reading:
-    """Measure range and intensity of the stored samples.
-
-    Parameters
-    ----------
-    threads : number of threads (None: one for each core). The result is the same to the bit
-
-    Returns
-    -------
-    range, intensity and saturation of all pixels.
-    """
+    """Measure range and intensity of the stored samples."""
     n_pixels = waveforms.shape[0] * waveforms.shape[1]
     pixels = processor.pixels
     jitter_s = _draw_normal(waveforms.pixel, n_pixels, rng) * processor.pixel_jitter_s
@@ -90,7 +83,7 @@ def measure(
     if processor.crosstalk is not None:
         share = latch_share(waveforms.latch_s, waveforms.latch_s, waveforms.sample_s, n_pixels)
         range_m = range_m + draw_shift_m(processor.crosstalk, share, rng)[:, None]
-    return report_returns(
+    return _report_returns(
         waveforms.shape,
         waveforms.pixel,
         range_m,
@@ -110,7 +103,6 @@ def _draw_normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> 
     Parameters
     ----------
     pixel : (trace) numbers of the pixels
-    n_pixels : pixels of the array
     """
     from scipy.special import ndtri
 
@@ -150,7 +142,6 @@ def _locate_returns(
     samples : (trace, sample) [counts] above the baseline, calibrated
     clipped : (trace, sample) whether a sample is at the converter's rail
     railed : (trace, sample) whether it is there or at the amplifier's rail; None where the amplifier does not saturate
-    threads : number of threads (None: one for each core)
     """
     locator, gate_thresholds = processor.locator, processor.gate_thresholds
     if gate_thresholds is None and processor.max_returns == 1 and processor.returns == "first":
@@ -197,3 +188,94 @@ def _sort_by_range(delay_s: np.ndarray, amplitude: np.ndarray) -> tuple[np.ndarr
 
 def _where_any(clipped: np.ndarray) -> np.ndarray | None:
     return clipped if clipped.any() else None
+
+
+def _report_returns(
+    shape: tuple[int, int],
+    pixel: np.ndarray,
+    range_m: np.ndarray,
+    amplitude: np.ndarray,
+    clipped: np.ndarray,
+    *,
+    returns: str,
+    max_returns: int,
+    full_scale_counts: int,
+) -> Reading:
+    """Return the reading of a focal plane; one of a pixel's returns is its range and intensity.
+
+    Parameters
+    ----------
+    pixel : (trace) number of the pixel
+    range_m, amplitude : (trace, return) [m] and [counts], near to far, NaN and 0 where there are fewer
+    clipped : (trace, sample) whether a sample is at the rail
+    returns : which one is reported: first, strongest or last
+    max_returns : how many are listed beside it; 1 lists none
+    """
+    n_pixels = shape[0] * shape[1]
+    most = max_returns if max_returns > 1 else 0
+    one_m, one_counts = np.full(n_pixels, np.nan, np.float32), np.zeros(n_pixels, np.uint16)
+    saturated = np.zeros(n_pixels, np.uint8)
+    several_m, several_counts = np.full((n_pixels, most), np.nan, np.float32), np.zeros((n_pixels, most), np.uint16)
+    report_traces(
+        packed(pixel, np.int64),
+        packed(range_m, np.float64),
+        packed(amplitude, np.float64),
+        packed(clipped, np.bool_),
+        _CHOICES[returns],
+        float(full_scale_counts),
+        one_m,
+        one_counts,
+        saturated,
+        several_m,
+        several_counts,
+    )
+    several = (several_m.reshape(*shape, most), several_counts.reshape(*shape, most)) if most else ()
+    return Reading(one_m.reshape(shape), one_counts.reshape(shape), saturated.reshape(shape), *several)
+
+
+@kernel
+def report_traces(
+    pixel: np.ndarray,
+    range_m: np.ndarray,
+    amplitude: np.ndarray,
+    clipped: np.ndarray,
+    choice: int,
+    full_scale: float,
+    one_m: np.ndarray,
+    one_counts: np.ndarray,
+    saturated: np.ndarray,
+    several_m: np.ndarray,
+    several_counts: np.ndarray,
+) -> None:
+    """Fill the report of each pixel: one return as range and intensity, and lists as many as `several` can hold.
+
+    What is filled holds NaN and 0 before.
+
+    Parameters
+    ----------
+    pixel : (trace) number of the pixel
+    range_m, amplitude : (trace, return), near to far
+    clipped : (trace, sample) whether a sample is at the rail
+    full_scale : greatest amplitude [counts]
+    one_m, one_counts, saturated : (pixel) filled
+    several_m, several_counts : (pixel, return) filled
+    """
+    for trace in range(range_m.shape[0]):
+        at, chosen = pixel[trace], -1
+        for k in range(range_m.shape[1]):
+            if not np.isfinite(range_m[trace, k]):
+                continue
+            better = choice == LAST or (choice == STRONGEST and amplitude[trace, k] > amplitude[trace, max(chosen, 0)])
+            chosen = k if chosen < 0 or better else chosen
+            if k < several_m.shape[1]:
+                several_m[at, k] = range_m[trace, k]
+                several_counts[at, k] = min(max(np.rint(amplitude[trace, k]), 1.0), full_scale)
+        if chosen < 0:
+            continue
+        one_m[at] = range_m[trace, chosen]
+        counts = min(max(np.rint(amplitude[trace, chosen]), 1.0), full_scale)
+        one_counts[at] = counts
+        some = counts >= full_scale
+        for sample in range(clipped.shape[1]):
+            some = some or clipped[trace, sample]
+        saturated[at] = some

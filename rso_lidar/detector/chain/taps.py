@@ -35,8 +35,6 @@ def tap_stages(
 
     Parameters
     ----------
-    shape : rows and columns of the array
-    step_s : length of a step [s]
     pixel, start_s, threshold : (trace) number of the pixel, beginning [s] and threshold [electrons]
     primaries, amplitude : (trace, step) expected photoelectrons, and output of the amplifier [electrons]
     """

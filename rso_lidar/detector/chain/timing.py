@@ -29,7 +29,6 @@ def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Sampl
 
     Parameters
     ----------
-    pulse_fwhm_s : length of the pulse [s]
     earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light
     """
     steps = gsfl.steps_per_sample
@@ -39,12 +38,7 @@ def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Sampl
 
 
 def build_axis(gsfl: Gsfl, pulse: LaserPulse, step_s: float, n: int) -> TimeAxis:
-    """Build the filters of a detector and a pulse over rows of `n` steps.
-
-    Parameters
-    ----------
-    step_s, n : length of a step [s], and number of steps
-    """
+    """Build the filters of a detector and a pulse over rows of `n` steps."""
     amplifier = gsfl.amplifier
     filters = Filters(amplifier, n, step_s)
     light = gsfl.quantum_efficiency * transform_pulse(pulse.step_s, pulse.power_per_s, n, step_s)

@@ -6,12 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.detector.chain.analog import Analog, simulate_analog
-from rso_lidar.detector.chain.bipolar_channel import time_crossings
 from rso_lidar.detector.chain.camera import FlashCamera
 from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import TimeAxis
-from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.ranging.bipolar_pulse import differentiate, find_zero_crossings
+from rso_lidar.detector.settings.apd import noise_rms
+from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
+from rso_lidar.detector.stages.amplification import amplify
 from rso_lidar.detector.stages.comparator import (
     NEAR,
     NEVER,
@@ -21,12 +24,15 @@ from rso_lidar.detector.stages.comparator import (
     refine_crossings,
 )
 from rso_lidar.detector.stages.false_triggers import Comparators, draw_false_traces, draw_first_false
+from rso_lidar.detector.stages.row_noise import AMPLIFIER, RowNoise
 from rso_lidar.detector.stages.sampling import convert, merge_low_gain, store_samples
 from rso_lidar.detector.stages.time_axis import Rows, place_rows
+from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Photons, Taps, Waveforms
 
 _DARK = 1e-3  # of the threshold: so little light on a pixel changes nothing of when noise triggers it
 _CERTAIN_DETECTION = 10.0  # light over threshold above which a row of any shape latches
+_TIMED_AT_ONCE = 1024
 
 
 def store_traces(
@@ -40,14 +46,6 @@ def store_traces(
     """Simulate the stored samples of self-triggering pixels.
 
     The first crossing of a threshold, by signal or by noise, starts a trace.
-
-    Parameters
-    ----------
-    threads : number of threads (None: one for each core). The result is the same to the bit
-
-    Returns
-    -------
-    the stored samples, and the signals between the stages (None unless requested).
     """
     comparators, readout, pixels = camera.comparators, camera.readout, camera.front.pixels
     plan = camera.plan(_earliest_s(camera, photons))
@@ -85,7 +83,7 @@ def store_traces(
         clipped = merge_low_gain(readout, signals.amplitude, rows, row, first, per_sample, offset[pixel], counts, rng)
     if camera.zero_crossing is not None:
         latched = latch_step - rows.start[row]
-        crossing_s = time_crossings(camera.zero_crossing, axis, signals, row, latched, rng, threads)
+        crossing_s = _time_crossings(camera.zero_crossing, axis, signals, row, latched, rng, threads)
     latch_s = latch_step * step_s
     n_steps = readout.samples * per_sample
     tapped = (
@@ -143,16 +141,7 @@ def store_traces(
 
 
 def arm_rows(comparators: Comparators, rows: Rows, step_s: float) -> tuple[Rows, np.ndarray]:
-    """Restrict the watched part of rows to the armed window; also return which rows begin as the window opens.
-
-    Parameters
-    ----------
-    step_s : length of a step [s]
-
-    Returns
-    -------
-    the rows, and a mask (row) of those that begin as the window opens.
-    """
+    """Restrict the watched part of rows to the armed window; also return which rows begin as the window opens."""
     opens, closes = (np.ceil(at_s / step_s) for at_s in (comparators.from_s, comparators.to_s))
     first = np.maximum(rows.first, (opens - rows.start).astype(np.int64))
     last = np.minimum(rows.last, (closes - rows.start).astype(np.int64))
@@ -222,13 +211,7 @@ def _earliest_s(camera: FlashCamera, photons: Photons) -> float:
 
 
 def _is_watched(rows: Rows, step_s: float, pixel: np.ndarray, at_s: np.ndarray) -> np.ndarray:
-    """Return whether rows, rather than rates, decide what noise does to pixels at given times.
-
-    Parameters
-    ----------
-    step_s : length of a step [s]
-    pixel, at_s : numbers of pixels, and a time for each [s]
-    """
+    """Return whether rows, rather than rates, decide what noise does to pixels at given times, one for each [s]."""
     row, end = np.searchsorted(rows.pixel, pixel), np.searchsorted(rows.pixel, pixel, "right")
     watched = np.zeros(len(pixel), bool)
     while (row < end).any():  # a pixel has few rows
@@ -254,3 +237,45 @@ def _find(pixel: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     """Return the index of each pixel `asked` among ascending ones, or where it would be, and whether it is there."""
     place = np.searchsorted(pixel, asked)
     return place, np.append(pixel, -1)[place] == asked
+
+
+def _time_crossings(
+    settings: ZeroCrossing,
+    axis: TimeAxis,
+    made: Analog,
+    row: np.ndarray,
+    latch: np.ndarray,
+    rng: np.random.Generator,
+    threads: int | None = 1,
+) -> np.ndarray:
+    """Return when (trace) the bipolar pulses of some rows cross zero [s since emission], NaN where they do not arm.
+
+    Signal and shot noise are those of the sampled channel. The noise of this channel's amplifier is drawn apart, behind the
+    differentiator, which comes before it.
+
+    Parameters
+    ----------
+    row, latch : (trace) row, and where its comparator latched [steps]
+    """
+    still, rows, step_s = made.still, made.rows, axis.step_s
+    assert still is not None
+    assert axis.timing is not None
+    n, (quiet, noisy) = rows.length, axis.timing
+    noise = RowNoise.of(rows, rng)
+    crossing = np.empty(len(row))
+
+    def time_block(block: slice) -> None:
+        some = row[block]
+        signal, added = (np.empty((len(some), n), np.float32) for _ in range(2))
+        nothing = np.zeros((len(some), n), np.float32)
+        words = RowNoise(noise.key, noise.pixel[some], noise.start[some]).draw(AMPLIFIER, 1, n)[0]
+        amplify(quiet, still.mean[some], still.excess[some], still.gain[some], words, signal)
+        amplify(noisy, nothing, nothing, still.gain[some], words, added)
+        bipolar = differentiate(signal, settings.differentiator_s, step_s)
+        bipolar += added
+        earliest = latch[block] - settings.hold_ns * units.NS / step_s
+        crossing[block] = find_zero_crossings(settings, bipolar, earliest, step_s)
+
+    run_in_threads(threads, time_block, [slice(k, k + _TIMED_AT_ONCE) for k in range(0, len(row), _TIMED_AT_ONCE)])
+    crossing_s: np.ndarray = (rows.start[row] + crossing) * step_s
+    return crossing_s

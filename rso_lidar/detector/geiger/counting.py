@@ -39,10 +39,6 @@ def find_least_counts(
 ) -> np.ndarray:
     """Find the least counts of a peak that noise forms no more often than this.
 
-    Parameters
-    ----------
-    noise_per_s, gate_s, bin_s : as for `false_peak_probability`
-
     Returns
     -------
     least counts, in the shape of `noise_per_s`.
@@ -58,12 +54,7 @@ def find_least_counts(
 
 
 def peak_probability(fired: np.ndarray, pulses: int, counts: int) -> np.ndarray:
-    """Return the probability of a peak of at least a number of counts.
-
-    Parameters
-    ----------
-    fired : probability that one pulse gives a count in the peak
-    """
+    """Return the probability of a peak of at least a number of counts, by that of a count in it from one pulse."""
     from scipy.special import betainc
 
     if counts > pulses:
@@ -100,7 +91,7 @@ def live_fraction(noise_per_s: float, hold_off_s: float, after_s: float) -> floa
 def first_photon_moments(
     primaries: np.ndarray, depth_s: np.ndarray, step_s: float, power_per_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and variance of the time of the first avalanche of a return, if there is one.
+    """Return mean [s] and variance [s²] (return) of the time of the first avalanche of a return, if there is one.
 
     Its density is λ(t) exp(−∫λ) over 1 − exp(−N): bright light fires on the leading edge.
 
@@ -109,10 +100,6 @@ def first_photon_moments(
     primaries : (return) mean avalanches N that the light could start
     depth_s : (return) time over which a surface stretches the pulse [s]
     step_s, power_per_s : taps of the pulse; the middle one is time zero
-
-    Returns
-    -------
-    Two arrays (return): mean [s] and variance [s²].
     """
     edge_s = step_s * (np.arange(len(power_per_s) + 1) - len(power_per_s) // 2 - 0.5)
     energy = np.concatenate([[0.0], np.cumsum(power_per_s)]) * step_s

@@ -43,16 +43,7 @@ class PhotonPeaks:
 def count_photons(
     array: GeigerArray, photons: Photons, rng: np.random.Generator, threads: int | None = 1
 ) -> PhotonPeaks:
-    """Count and time the photons of one frame, in all its pulses.
-
-    Parameters
-    ----------
-    threads : number of threads (None: one for each core). The result is the same to the bit
-
-    Returns
-    -------
-    time and counts of the highest peak of each pixel.
-    """
+    """Count and time the photons of one frame in all its pulses: time and counts of the highest peak of each pixel."""
     n_pixels = photons.shape[0] * photons.shape[1]
     sunlight = photons.background_photons_per_s
     noise_per_s = array.noise_per_s(np.zeros(n_pixels) if sunlight is None else sunlight.ravel())
@@ -298,12 +289,7 @@ def _integral_at(at_s: float, rate: float, integral: np.ndarray, n: int, from_s:
 
 @kernel
 def _time_of(value: float, rate: float, integral: np.ndarray, n: int, from_s: float, step_s: float) -> float:
-    """Return when the integral of the rate reaches a value [s after the opening], infinity if never.
-
-    Parameters
-    ----------
-    rate, integral, n, from_s, step_s : as for `_integral_at`
-    """
+    """Return when the integral of the rate reaches a value [s after the opening], infinity if never."""
     if n == 0 or value < integral[0]:
         return value / rate if rate > 0.0 else math.inf
     if value >= integral[n - 1]:

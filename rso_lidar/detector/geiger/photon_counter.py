@@ -31,12 +31,6 @@ class BuiltGeigerArray(BuiltDetector):
     def detect(self, photons: Photons, rng: np.random.Generator, threads: int | None) -> tuple[Reading, None]:
         """Count the photons of the pulses of one frame, and report the peaks that have counts enough.
 
-        Parameters
-        ----------
-        photons : light on every pixel, of each pulse
-        rng : generator of all noise
-        threads : number of threads (None: one for each core). The result is the same to the bit
-
         Returns
         -------
         reading of the frame; a detector that counts has no waveforms.
@@ -78,7 +72,7 @@ class BuiltGeigerArray(BuiltDetector):
                 f"a pulse of {pulse_fwhm_s / units.NS:.3g} ns spreads its counts over more than one peak of "
                 f"{array.peak_s / units.NS:.3g} ns; lengthen lidar.detector.peak_ns, or shorten the pulse"
             )
-        blocked = 1.0 - _live_fraction(array, 0.0)
+        blocked = 1.0 - _live_fraction(array)
         if blocked > _MOST_BLOCKED:
             lines.append(
                 f"dark counts leave {blocked:.0%} of the pulses without a live pixel in the middle of the gate; lower "
@@ -122,16 +116,6 @@ class BuiltGeigerArray(BuiltDetector):
 
         The first avalanches of a return are taken as normal about their mean. A peak holds those within its window, and the
         dark counts that fall into it in the other pulses.
-
-        Parameters
-        ----------
-        pulse : the laser's pulse
-        photons, depth_s : (return) expected photons of a pulse, and the time over which a surface stretches them [s]
-        only_probability : not used: all members are computed together
-
-        Returns
-        -------
-        probability, precision, signal over noise and saturation of each return.
         """
         from scipy.special import erf
 
@@ -143,7 +127,7 @@ class BuiltGeigerArray(BuiltDetector):
         sigma_s = np.sqrt(variance_s2 + jitter_s**2 + array.bin_s**2 / 12.0)
         half = 0.5 * array.peak_s / sigma_s
         share = erf(half / math.sqrt(2.0))
-        live = _live_fraction(array, 0.0)
+        live = _live_fraction(array)
         fired = -np.expm1(-n) * share * live
         dark = -math.expm1(-array.dark_count_rate_hz * array.peak_s) * live
         counted = 1.0 - (1.0 - fired) * (1.0 - dark)
@@ -168,11 +152,6 @@ class BuiltGeigerArray(BuiltDetector):
 
         The report is the highest peak wherever it lies, which has no closed form for light of any depth. The pixels of the
         array do not affect each other, so that those without light need not be simulated. The random seed is fixed.
-
-        Parameters
-        ----------
-        photons : light on every pixel, of each pulse
-        mine : (return) whether a report of this return counts
         """
         array = self.part
         n_pixels = photons.shape[0] * photons.shape[1]
@@ -250,7 +229,7 @@ def _merge_returns(photons: Photons, lit: np.ndarray) -> tuple[np.ndarray, np.nd
     return pairs[0], delay_s, light, spread_s
 
 
-def _live_fraction(array: GeigerArray, background_photons_per_s: float) -> float:
-    """Return the share of pulses in which a pixel is alive in the middle of the gate."""
-    noise = float(array.noise_per_s(np.array(background_photons_per_s)))
+def _live_fraction(array: GeigerArray) -> float:
+    """Return the share of pulses in which a pixel is alive in the middle of the gate, in the dark."""
+    noise = float(array.noise_per_s(np.array(0.0)))
     return live_fraction(noise, array.hold_off_s, 0.5 * array.gate_s)

@@ -16,10 +16,6 @@ def crossing_lead_s(pulse: Pulse, differentiator_s: float) -> float:
     """Return when a linear return crosses zero behind a differentiator [s after its nominal delay].
 
     The differentiator is y = x − l with l' = (x − l)/τ, solved exactly for straight lines between the points of the table.
-
-    Parameters
-    ----------
-    differentiator_s : time constant τ of the differentiator [s]
     """
     from scipy.signal import lfilter
 
@@ -95,7 +91,6 @@ def find_zero_crossings(settings: ZeroCrossing, bipolar: np.ndarray, earliest: n
     ----------
     bipolar : (row, step) [electrons]
     earliest : (row) the channel is off before this place [steps]
-    step_s : length of a step [s]
     """
     crossing = np.empty(len(bipolar))
     weights = np.ascontiguousarray(cubic_weights(np.arange(1, _PIECES + 1) / _PIECES).T)

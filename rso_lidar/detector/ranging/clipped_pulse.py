@@ -41,10 +41,6 @@ def tabulate_edges(matched: Matched, recovery_s: float) -> Edges:
     """Tabulate the edges of a pulse behind an amplifier that recovers slowly from saturation.
 
     Below a millionth of the peak the first edge is continued as a Gaussian flank, the last one as an exponential tail.
-
-    Parameters
-    ----------
-    recovery_s : time constant of the recovery, 0 without saturation [s]
     """
     pulse = matched.pulse
     time = (pulse.from_s - pulse.peak_s + pulse.step_s * np.arange(len(pulse.table))) / matched.sample_s
@@ -95,7 +91,6 @@ def locate_clipped_pulses(
     peak : (trace) sample of the peak; the plateau around it is looked at
     place : (trace) fitted place [samples]
     edges : of its pulse, asked for where one is needed
-    recovery_s : time constant of the recovery, 0 without saturation [s]
     """
     trace = np.flatnonzero(clipped[np.arange(len(peak)), peak])
     if recovery_s <= 0.0 and len(trace):

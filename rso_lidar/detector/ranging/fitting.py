@@ -1,7 +1,9 @@
 """Fits of the matched filter, trace by trace: of the first pulse, or of all of them.
 
-A trace that needs a pattern of samples without known weights writes its key to `unknown`. Kernels take single arrays
-rather than tuples of arrays: references to those would be counted for each trace, which takes a third more time.
+`samples` (trace, sample) are float32, and `clipped` (trace, sample) marks those at the rail: None without any, and empty in
+kernels. A trace that needs a pattern of samples without known weights writes its key to `unknown` (trace). Kernels take
+single arrays rather than tuples of arrays: references to those would be counted for each trace, which takes a third more
+time.
 """
 
 from collections.abc import Callable
@@ -66,10 +68,8 @@ def fit_first_pulses(
 
     Parameters
     ----------
-    samples : (trace, sample) float32
     start : (trace) the peak comes at most one sample before
     least : lowest sample that can be a peak
-    clipped : (trace, sample) samples at the rail, None without
     """
     peak, place, height, unknown = (np.empty(len(samples), kind) for kind in (np.int64, float, float, np.int64))
     start, mask = packed(start, np.int64), _mask(clipped)
@@ -89,13 +89,7 @@ def fit_all_pulses(
     most: int,
     clipped: np.ndarray | None,
 ) -> Pulses:
-    """Return which of `most` pulses (trace, slot) there are, and place [samples] and height of each.
-
-    Parameters
-    ----------
-    samples : (trace, sample) float32
-    clipped : (trace, sample) samples at the rail, None without
-    """
+    """Return which of `most` pulses (trace, slot) there are, and place [samples] and height of each."""
     shape, pulse = (len(samples), most), matched.pulse
     pulses = Pulses(np.empty(shape, bool), np.empty(shape), np.empty(shape))
     unknown, unknown_at, mask = np.empty(len(samples), np.int64), np.empty(len(samples)), _mask(clipped)
@@ -123,7 +117,6 @@ def _fill_with_known_weights(
 
     Parameters
     ----------
-    clipped : (trace, sample) samples at the rail, None without
     unknown : (trace) key of a pattern whose weights the filter lacks; 0 if it has all
     unknown_at : (trace) place [samples] at which that pattern is needed
     """
@@ -160,12 +153,9 @@ def fit_first(
 
     Parameters
     ----------
-    samples : (trace, sample) float32
     start : (trace) the peak comes at most one sample before
     least : lowest sample that can be a peak
-    clipped : (trace, sample), or empty without clipped samples
     peaks, place, height : (trace) filled with the peak, and with place [samples] and height of the fit
-    unknown : (trace) filled with the key of a pattern that is not known, or 0
     """
     rounds, half, fwhm, codes, (keys, weights) = matched
     none = np.zeros((0, 0), np.bool_)
@@ -220,10 +210,7 @@ def fit_all(
 
     Parameters
     ----------
-    samples : (trace, sample) float32
-    clipped : (trace, sample), or empty without clipped samples
     height_weights : (width) weights that give the height of a pulse in the middle of a window
-    unknown, unknown_at : (trace) filled with the key of a pattern that is not known, or 0, and the place where it is needed
     """
     alive, place, height = pulses
     table, from_step, steps_per_sample = curve
@@ -297,10 +284,6 @@ def drop_weak_pulses(
     ----------
     place, height, alive : (slot) of the pulses, changed in place
     apart : least distance [samples]
-
-    Returns
-    -------
-    number of pulses left.
     """
     left = 0
     for slot in range(alive.shape[0]):

@@ -1,4 +1,7 @@
-"""Fit of the matched filter to one pulse of one trace, by Gauss-Newton iterations."""
+"""Fit of the matched filter to one pulse of one trace, by Gauss-Newton iterations.
+
+`samples` (sample) are those of one trace; `clipped` (trace, sample) marks samples at the rail, and is empty without any.
+"""
 
 import numpy as np
 
@@ -12,8 +15,6 @@ def find_key(clipped: np.ndarray, trace: int, window: int, low: int, high: int, 
 
     Parameters
     ----------
-    clipped : (trace, sample), or empty without clipped samples
-    trace : number of the trace
     codes : those of `fitting.Filter`
     """
     key, shown = np.int64(0), 0
@@ -41,9 +42,6 @@ def iterate_fit(
 
     Parameters
     ----------
-    samples : (sample) of one trace
-    clipped : (trace, sample), or empty without clipped samples
-    trace : number of the trace
     guess : place to begin at [samples]
     rounds, half, codes : those of `fitting.Filter`
 
@@ -93,11 +91,7 @@ def fit_pulse(
 
     Parameters
     ----------
-    samples : (sample) of one trace
-    clipped : (trace, sample), or empty without clipped samples
-    trace : number of the trace
-    guess : place to begin at [samples]
-    rounds, half, fwhm, codes : those of `fitting.Filter`
+    samples, clipped, trace, guess, rounds, half, codes : as for `iterate_fit`
 
     Returns
     -------

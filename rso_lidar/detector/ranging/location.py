@@ -1,7 +1,8 @@
 """Range algorithms of a flash lidar: arrival time and height of pulses from their samples.
 
 Delays count from sample 0 and refer to the return's nominal delay: the known delay of optical pulse and amplifier is
-subtracted. Amplitudes are fitted peak amplitudes for every algorithm of the delay.
+subtracted. Amplitudes are fitted peak amplitudes for every algorithm of the delay. `samples` (trace, sample) are counts
+above the baseline, float32.
 """
 
 from __future__ import annotations
@@ -54,7 +55,6 @@ class Locator:
 
         Parameters
         ----------
-        pulse : shape of a return behind the amplifier
         ranging, sigma_counts, threshold_counts, recovery_s : as for `Locator`
         sample_s, pole_s : time between samples and τ of the amplifier's poles [s]
         """
@@ -87,7 +87,6 @@ def locate(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts] above the baseline, float32
     start : (trace) the first sample after the latch. The pulse is the first peak from there on
     clipped : (trace, sample) samples at the converter's rail. The fit leaves them out where 3 others are in the pulse; else
         the edges of the pulse give its place
@@ -116,7 +115,6 @@ def _relocate(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts]
     held : (trace, sample) samples at a rail
     peak, place : (trace) sample of the peak, and fitted place [samples]
     """
@@ -137,7 +135,6 @@ def _place(samples: np.ndarray, peak: np.ndarray, locator: Locator, threshold_co
 
     Parameters
     ----------
-    samples : (trace, sample) [counts]
     peak : (trace) sample of the peak
     threshold_counts : level of leading_edge [counts]
     """
@@ -153,13 +150,7 @@ def _place(samples: np.ndarray, peak: np.ndarray, locator: Locator, threshold_co
 
 
 def _measure_place(samples: np.ndarray, peak: np.ndarray, locator: Locator) -> np.ndarray:
-    """Return the vertex of the parabola through each peak [samples], or the centroid about it.
-
-    Parameters
-    ----------
-    samples : (trace, sample) [counts]
-    peak : (trace) sample of the peak
-    """
+    """Return the vertex of the parabola through each peak [samples], or the centroid about it."""
     if locator.ranging.algorithm == "parabola":
         vertex: np.ndarray = peak + locate_vertices(samples, peak)
         return vertex
@@ -167,14 +158,7 @@ def _measure_place(samples: np.ndarray, peak: np.ndarray, locator: Locator) -> n
 
 
 def _crossing(samples: np.ndarray, peak: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Return where the straight lines between samples last cross a level upward before the peak [samples], or NaN.
-
-    Parameters
-    ----------
-    samples : (trace, sample) [counts]
-    peak : (trace) sample of the peak
-    level : (trace) [counts]
-    """
+    """Return where lines between samples last cross a level (trace) [counts] upward before the peak [samples], or NaN."""
     n, row = samples.shape[1], np.arange(len(samples))
     below = (samples < level[:, None]) & (np.arange(n) < peak[:, None])
     before = n - 1 - below[:, ::-1].argmax(axis=1)
@@ -186,14 +170,7 @@ def _crossing(samples: np.ndarray, peak: np.ndarray, level: np.ndarray) -> np.nd
 
 
 def _centroid(samples: np.ndarray, peak: np.ndarray, matched: Matched) -> np.ndarray:
-    """Return the centroid of the samples within 2 sigma of the peak [samples].
-
-    Parameters
-    ----------
-    samples : (trace, sample) [counts]
-    peak : (trace) sample of the peak
-    matched : the filter. Sigma is that of a Gaussian of its FWHM
-    """
+    """Return the centroid of the samples within 2 sigma, that of a Gaussian of the filter's FWHM, of the peak [samples]."""
     reach = max(1, int(2.0 * matched.fwhm / units.FWHM_PER_SIGMA))
     offset = np.arange(-reach, reach + 1)
     index = peak[:, None] + offset
@@ -220,12 +197,9 @@ def locate_all(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts] above the baseline, float32
     most : greatest number of pulses in a trace
-    clipped : (trace, sample) samples at the rail
-    railed : (trace, sample) samples at the rail of the converter or of an amplifier that saturates; None without the latter.
-        Then the edges give the place of any pulse that reaches it
     least_counts : least height of a pulse [counts] (None: the threshold)
+    railed : as for `locate`
 
     Returns
     -------
@@ -266,9 +240,7 @@ def _without_others(
 
     Parameters
     ----------
-    samples : (trace, sample) [counts]
     place, height : (trace, slot) of the fitted pulses [samples] and [counts]
-    slot : the pulse that stays
     """
     alone = samples.copy()
     for other in range(place.shape[1]):

@@ -53,8 +53,6 @@ class Matched:
 
         Parameters
         ----------
-        pulse : the pulse behind the amplifier
-        sample_s : interval between samples [s]
         pole_s : time constant of the amplifier, which colours the noise [s]
         white_share : variance of the white noise over that of the coloured
         """
@@ -80,7 +78,6 @@ class Matched:
 
         Parameters
         ----------
-        pulse : shape of a return behind the amplifier
         sample_s, pole_s : time between samples and τ of the amplifier's poles [s]
         sigma_counts : rms of the noise [counts]. Rounding to whole counts adds white noise of 1/12 count²
         """

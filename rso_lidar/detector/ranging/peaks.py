@@ -1,4 +1,7 @@
-"""Peaks among samples: the first of a trace, or all that a valley separates."""
+"""Peaks among samples: the first of a trace, or all that a valley separates.
+
+`samples` (sample) are those of one trace, or of all traces (trace, sample); `clipped` (trace, sample) is empty without any.
+"""
 
 import numpy as np
 
@@ -16,17 +19,7 @@ def smooth_sample(samples: np.ndarray, sample: int) -> np.float32:
 
 @kernel
 def find_first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
-    """Find the first peak of the smoothed samples, or the highest sample where there is none.
-
-    Parameters
-    ----------
-    samples : (sample) of one trace
-    least : lowest sample that can be a peak
-
-    Returns
-    -------
-    number of the sample.
-    """
+    """Find the first peak of the smoothed samples that is not below `least`, or the highest sample where there is none."""
     n, sample = samples.shape[0], max(start, 0)
     before = smooth_sample(samples, sample - 1) if sample > 0 else np.float32(-np.inf)
     here = smooth_sample(samples, min(sample, n - 1))
@@ -99,17 +92,7 @@ def fill_vertices(samples: np.ndarray, peaks: np.ndarray, shift: np.ndarray) -> 
 
 @kernel
 def find_plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
-    """Find the first and last of the run of clipped samples around a peak; the peak alone without such a run.
-
-    Parameters
-    ----------
-    clipped : (trace, sample), or empty without clipped samples
-    trace, peak : number of the trace, and sample of the peak
-
-    Returns
-    -------
-    first and last sample of the run.
-    """
+    """Find the first and last of the run of clipped samples around a trace's peak; the peak alone without such a run."""
     low, high = peak, peak
     if clipped.shape[0] and clipped[trace, peak]:
         while low > 0 and clipped[trace, low - 1]:
@@ -144,13 +127,8 @@ def find_peaks(
 
     Parameters
     ----------
-    samples : (sample) of one trace
     apart : least distance of two peaks [samples]
     statistic : (sample) scratch space
-
-    Returns
-    -------
-    number of peaks.
     """
     n, here, before = samples.shape[0], smooth_sample(samples, 0), np.float32(-np.inf)
     any_left = False
@@ -185,12 +163,7 @@ def find_peaks(
 
 @kernel
 def is_separated(samples: np.ndarray, one: int, other: int, three_sigma: np.float32) -> bool:
-    """Return whether a valley separates two peaks: by a tenth of the lower one, and by three sigma of the noise.
-
-    Parameters
-    ----------
-    samples : (sample) of one trace
-    """
+    """Return whether a valley separates two peaks: by a tenth of the lower one, and by three sigma of the noise."""
     lower = min(smooth_sample(samples, one), smooth_sample(samples, other))
     valley = np.float32(np.inf)
     for sample in range(min(one, other) + 1, max(one, other)):

@@ -133,16 +133,7 @@ class Pulse:
 
 
 def _tabulate_pulse(step_s: float, taps: np.ndarray, pole_s: float, integration_s: float) -> Pulse:
-    """Tabulate a pulse: the taps as a band-limited signal, filtered and refined by their Fourier transform.
-
-    Parameters
-    ----------
-    step_s, taps : those of the optical pulse [s] and [1/s]
-
-    Returns
-    -------
-    the pulse behind the amplifier, tabulated.
-    """
+    """Tabulate a pulse: the taps as a band-limited signal, filtered and refined by their Fourier transform."""
     from scipy import fft
 
     guard = len(taps) // 2 + 16

@@ -12,10 +12,9 @@ from pydantic import Field, model_validator
 from rso_lidar import units
 from rso_lidar.detector.settings.algorithm import Ranging
 from rso_lidar.detector.settings.amplifier import Amplifier
-from rso_lidar.detector.settings.apd import Apd
+from rso_lidar.detector.settings.apd import Apd, noise_rms
 from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.settings.gate import Gate
-from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.settings.traits import DetectorTraits

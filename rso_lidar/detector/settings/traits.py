@@ -57,12 +57,7 @@ class DetectorTraits:
     samples: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse facts that no detector can have.
-
-        Raises
-        ------
-        ScenarioError : naming the first of them.
-        """
+        """Raise `ScenarioError` that names the first fact that no detector can have."""
         for name, least in (
             ("sees_from_m", 0.0),
             ("threshold_photons", 0.0),

@@ -32,14 +32,7 @@ class Filters:
     """
 
     def __init__(self, amplifier: Amplifier, n: int, step_s: float) -> None:
-        """Compute responses and taps.
-
-        Parameters
-        ----------
-        amplifier : the amplifier
-        n : steps of a row
-        step_s : length of a step [s]
-        """
+        """Compute responses and taps."""
         self.n, self.step_s = n, step_s
         self.frequency_hz = np.fft.rfftfreq(n, step_s)
         charge = amplifier.integration_s / step_s
@@ -73,7 +66,6 @@ def amplify(
 
     Parameters
     ----------
-    filters : the amplifier over the steps of a row
     quiet : (row, step) mean behind the amplifier [electrons]
     excess : (row, step) what the electrons before the amplifier are more than their mean [electrons]
     gain : (row) factor of both

@@ -10,25 +10,14 @@ _MOST_ROUNDS = 50
 
 
 def draw_speckle(speckle: Speckle, coherence_cells: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return random factors (cluster), of mean 1, on the photons of clusters: gamma-distributed, by the number of modes.
-
-    Parameters
-    ----------
-    coherence_cells : (cluster)
-    """
+    """Return random factors (cluster), of mean 1, on the photons of clusters: gamma-distributed, by the number of modes."""
     modes = (1.0 + coherence_cells) * (2.0 if speckle.depolarising else 1.0)
     factors: np.ndarray = rng.standard_gamma(modes) / modes
     return factors
 
 
 def limit_amplitude(saturation: Saturation, amplitude: np.ndarray, step_s: float) -> np.ndarray:
-    """Return amplitudes as a clipping amplifier passes them on.
-
-    Parameters
-    ----------
-    amplitude : (row, step) [electrons]
-    step_s : length of a step [s]
-    """
+    """Return amplitudes (row, step) [electrons] as a clipping amplifier passes them on."""
     fade = np.float32(np.exp(-step_s / (saturation.recovery_ns * units.NS)))
     rail = np.float32(saturation.rail_electrons)
     limited: np.ndarray = np.minimum(amplitude, rail)
@@ -49,7 +38,6 @@ def solve_gain(droop: Droop, electrons: np.ndarray, step_s: float, steady_per_s:
     Parameters
     ----------
     electrons : (step) electrons that all pixels draw in each step at the gain of rest
-    step_s : length of a step [s]
     steady_per_s : electrons that have flowed for long before, at the gain of rest [1/s]
     """
     from scipy.signal import lfilter
@@ -81,7 +69,6 @@ def latch_share(at_s: np.ndarray, latch_s: np.ndarray, clock_s: float, n_pixels:
     at_s : (pixel) instants, such as those at which these pixels latch themselves [s]
     latch_s : (latch) when pixels of the array latched [s]
     clock_s : time between samples [s]
-    n_pixels : pixels of the array
     """
     order = np.sort(latch_s)
     together = np.searchsorted(order, at_s + clock_s, "right") - np.searchsorted(order, at_s - clock_s)
@@ -90,12 +77,7 @@ def latch_share(at_s: np.ndarray, latch_s: np.ndarray, clock_s: float, n_pixels:
 
 
 def draw_shift_m(crosstalk: Crosstalk, share: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return random range errors (pixel) [m] from crosstalk.
-
-    Parameters
-    ----------
-    share : (pixel) share of the array that latches with each
-    """
+    """Return random range errors (pixel) [m] from crosstalk, by the share (pixel) of the array that latches with each."""
     shift: np.ndarray = crosstalk.offset_m * (share - crosstalk.calibrated_fraction)
     shift += crosstalk.noise_m * share * rng.standard_normal(np.shape(share))
     return shift

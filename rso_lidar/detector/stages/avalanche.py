@@ -76,10 +76,6 @@ def multiply(primaries: np.ndarray, avalanche: Avalanche, noise: RowNoise, base:
     noise : addresses of the random words of the rows
     base : what most steps expect (None: the least of all)
 
-    Returns
-    -------
-    (row, step) f4, electrons.
-
     Raises
     ------
     ValueError : where an expected number is negative or not finite.
@@ -241,12 +237,7 @@ def compound_pmf(mean_primaries: float, gain: float, ionisation_ratio: float) ->
 
 
 def _longest(gain: float, ionisation_ratio: float, ones: int = 0, poisson: float = 0.0) -> int:
-    """Return electrons that are exceeded with a negligible probability (Chernoff's bound, best of many).
-
-    Parameters
-    ----------
-    ones, poisson : a fixed number of primaries, and the mean of a Poisson number
-    """
+    """Return electrons that a fixed and a Poisson number of primaries hardly exceed (Chernoff's bound, best of many)."""
     w = 1.0 + (greatest_w(gain, ionisation_ratio) - 1.0) * np.geomspace(1e-7, 1.0, 500)
     exponent = ones * np.log(w) + poisson * (w - 1.0) - math.log(_NEGLIGIBLE)
     return int(np.min(exponent / log_z(w, gain, ionisation_ratio))) + 1

@@ -1,4 +1,8 @@
-"""The comparator of a pixel: a Schmitt trigger that latches on the first crossing, true or false."""
+"""The comparator of a pixel: a Schmitt trigger that latches on the first crossing, true or false.
+
+Everywhere `amplitude` (row, step) and `threshold` (row) are in electrons. `first` and `last` (row) are the steps from which,
+and before which, the comparator is watched.
+"""
 
 import math
 
@@ -21,14 +25,7 @@ class Bridge:
     reach = 5.0  # sigmas of the rest that are worth looking at
 
     def __init__(self, pole_s: float, step_s: float, points: int = 15) -> None:
-        """Compute the weights of the conditional mean, and the root of the conditional covariance.
-
-        Parameters
-        ----------
-        pole_s : time constant of the amplifier [s]
-        step_s : length of a step [s]
-        points : number of points between two steps
-        """
+        """Compute weights of the conditional mean, and root of the conditional covariance, at points between two steps."""
         known = np.arange(-1.0, 3.0) * step_s / pole_s
         between = np.arange(1, points + 1) / (points + 1.0) * step_s / pole_s
 
@@ -58,11 +55,9 @@ class Bridge:
 
         Parameters
         ----------
-        amplitude : (row, step) [electrons]
         mean : (row, step) the amplitude without noise [electrons]
         row, step : where to draw
         sigma : rms of the noise there [electrons]
-        rng : random generator of the noise between the steps
         """
         around = np.clip(step[:, None] + np.arange(-2, 4), 0, amplitude.shape[1] - 1)
         near = around[:, 1:5]
@@ -94,14 +89,10 @@ def find_latches(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
     primaries : (row, step) expected photoelectrons in a step
-    threshold : (row) [electrons]
     base_per_s : (row) primaries that no pulse makes [1/s]
-    first, last : (row) the steps from which, and before which, the comparator is watched
     arming : (row) whether the pixel is armed at `first`
     hysteresis : [electrons]
-    step_s : length of a step [s]
     shot_electrons_rs : rms noise for each root of the rate of primaries [1/s]
     reach : distance to the threshold that counts as near, in rms noise
     """
@@ -146,16 +137,10 @@ def find_first_crossings(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    primaries : (row, step) expected photoelectrons in a step
-    threshold : (row) [electrons]
-    base_per_s : (row) primaries that no pulse makes [1/s]
-    first, last : (row) the steps from which, and before which, the comparator is watched
-    arming : (row) whether the pixel is armed at `first`
-    hysteresis : [electrons]
     per_step_s : one over the length of a step [1/s]
     quiet_square, square_s : mean square of the noise, and what each primary a second adds
     latch : (row) written
+    amplitude, primaries, threshold, base_per_s, first, last, arming, hysteresis : as for `find_latches`
     """
     for row in range(amplitude.shape[0]):
         level = threshold[row]
@@ -179,13 +164,7 @@ def find_first_crossings(
 
 
 def mark_watched(n_steps: int, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Return which steps (row, step) the comparator watches.
-
-    Parameters
-    ----------
-    n_steps : steps of a row
-    first, last : (row) the steps from which, and before which, it is watched
-    """
+    """Return which steps (row, step) the comparator watches."""
     step = np.arange(n_steps)
     watched: np.ndarray = (step >= first[:, None]) & (step < last[:, None])
     return watched
@@ -196,8 +175,6 @@ def mark_near(amplitude: np.ndarray, threshold: np.ndarray, watched: np.ndarray,
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    threshold : (row) [electrons]
     watched : (row, step)
     reach : (row, step) distance that counts as near [electrons]
     """
@@ -217,13 +194,9 @@ def find_crossings_between(
 ) -> np.ndarray:
     """Return where (row) [steps] rows that are below the threshold at every step cross it between two steps, or -1.
 
-    `mean` (row, step) is the amplitude without noise, `sigma` (row, step) the rms of the noise [electrons].
-
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
     mean : (row, step) the amplitude without noise [electrons]
-    threshold : (row) [electrons]
     watched : (row, step) whether the comparator watches
     sigma : (row, step) rms of the noise [electrons]
     """
@@ -253,9 +226,7 @@ def refine_crossings(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
     row : (trace) the rows to look at
-    threshold : (trace) [electrons]
     latch : (trace) a step at which the row is above; the crossing is before it
     earliest : (trace) the first step to look at. A row that is above from there on crosses there
     """

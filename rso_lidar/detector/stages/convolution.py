@@ -10,12 +10,7 @@ from rso_lidar.kernels import kernel
 
 
 def transform_pulse(pulse_step_s: float, power_per_s: np.ndarray, n: int, step_s: float) -> np.ndarray:
-    """Return what convolves light on `n` steps with a laser's pulse: complex factors of its transform.
-
-    Parameters
-    ----------
-    n, step_s : number of steps, and length of a step [s]
-    """
+    """Return what convolves light on `n` steps with a laser's pulse: complex factors of its transform."""
     time_s = (np.arange(len(power_per_s)) - (len(power_per_s) - 1) / 2.0) * pulse_step_s
     frequency_hz = np.fft.rfftfreq(n, step_s)
     turn = np.exp(-2j * math.pi * np.multiply.outer(frequency_hz, time_s))

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.detector.settings.apd import Apd, cumulants, tail_per_electron
-from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.settings.apd import Apd, cumulants, noise_rms, tail_per_electron
 from rso_lidar.detector.stages.avalanche import mcintyre_pmf
 
 _GRID = 8192  # steps of amplitude in a density
@@ -154,7 +153,6 @@ def _log_crossings(T: np.ndarray, apd: Apd, pulses: float, noise: float, peak: f
 
     Parameters
     ----------
-    T : thresholds [electrons], ascending
     noise, peak : rms of the amplifier's noise, and its integration time over τ
     """
     sigma = math.sqrt(noise**2 + pulses * cumulants(apd)[1] * peak**2 / 4.0)

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rso_lidar.detector.settings.amplifier import Amplifier
-from rso_lidar.detector.settings.apd import Apd
-from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.settings.apd import Apd, noise_rms
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.settings.trigger import Trigger
 from rso_lidar.detector.stages.crossing_rate import false_alarm_rate
@@ -31,7 +30,6 @@ def rates_per_s(apd: Apd, amplifier: Amplifier, threshold: np.ndarray, base_per_
 
     Parameters
     ----------
-    apd, amplifier : where the noise comes from
     threshold : (pixel) [electrons]
     base_per_s : (pixel) primaries of dark current and sunlight [1/s]
     """
@@ -81,12 +79,7 @@ class Comparators:
 def build_comparators(
     apd: Apd, amplifier: Amplifier, trigger: Trigger, pixels: CameraPixels, from_s: float, to_s: float
 ) -> Comparators:
-    """Build the comparators of a camera.
-
-    Parameters
-    ----------
-    apd, amplifier, trigger, pixels, from_s, to_s : as for `Comparators`
-    """
+    """Build the comparators of a camera."""
 
     @lru_cache(maxsize=8)
     def find_rates(level: int | None) -> FalseRates:
@@ -107,10 +100,6 @@ def draw_first_false(
     Parameters
     ----------
     sunlight_per_s : (pixel) primaries of the background [1/s], None without
-
-    Returns
-    -------
-    pixels, and times of their first false trigger [s since emission].
     """
     from_s, to_s = armed.from_s, armed.to_s
     brightest = 0.0 if sunlight_per_s is None else float(sunlight_per_s.max(initial=0.0))
@@ -153,11 +142,6 @@ def draw_crossings(
     Upcrossings of a high level are a Poisson process (Cramér and Leadbetter 1967, ch. 12). Those of all pixels together are
     one whose rate is the sum; each is of a pixel with the probability of its share in the sum, at any time alike. So the
     first of a pixel comes after an exponential waiting time, as if drawn pixel by pixel.
-
-    Parameters
-    ----------
-    sums_per_s : (pixel) cumulative sum of the rates [1/s]
-    from_s, to_s : span of time [s]
     """
     total = float(sums_per_s[-1])
     n = int(rng.poisson(total * (to_s - from_s)))
@@ -242,14 +226,9 @@ def draw_false_traces(
 
     Parameters
     ----------
-    apd, amplifier, readout : where the noise comes from, and what is stored
     crossing_s : (trace) when the noise crosses [s since emission]
     threshold : (trace) [electrons]
     base_per_s : (trace) primaries of dark current and sunlight [1/s]
-
-    Returns
-    -------
-    amplitudes (trace, sample) [electrons], and numbers of the first samples (trace).
     """
     pole_s, lag = amplifier.pole_s, readout.sample_s / amplifier.pole_s
     sigma = noise_rms(apd, base_per_s, amplifier.noise_electrons, pole_s, amplifier.integration_s)
@@ -279,10 +258,6 @@ def draw_onward(
     value, slope : (trace) of the noise before the first sample
     first_lag : (trace) from there to the first sample
     n : number of samples
-
-    Returns
-    -------
-    (trace, sample) f8.
     """
     samples, white = np.empty((n, len(value))), rng.standard_normal((n, 2, len(value)))
     known = packed(value, np.float64), packed(slope, np.float64), packed(first_lag, np.float64)

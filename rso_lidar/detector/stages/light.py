@@ -18,7 +18,6 @@ def spread_light(photons: Photons, rows: Rows, step_s: float, factors: np.ndarra
     Parameters
     ----------
     rows : stretches of time to fill, all rows of some pixels
-    step_s : length of a step [s]
     factors : (return) multiply the photons, where given
     """
     grid = np.zeros((len(rows.pixel), rows.length), np.float32)
@@ -63,8 +62,6 @@ def share_returns(
     Parameters
     ----------
     pixel, delay_s, photons, depth_spread_s : (return) those of `Photons`
-    late_s : delay of the whole flash [s]
-    step_s : length of a step [s]
     widest : steps; a deeper return is cut into several
     row_pixel, row_start : (row) those of `Rows`
     grid : (row, step) expected photons, added to

@@ -35,9 +35,6 @@ def draw_pixels(
 
     Parameters
     ----------
-    n_pixels : pixels of the array
-    seed : random seed
-    apd : with the dark current of most pixels
     threshold_spread : 1 sigma over the nominal threshold
     maps, defects : fixed patterns, and dead and hot pixels; None without
     """

@@ -24,13 +24,7 @@ class RowNoise(NamedTuple):
 
     @staticmethod
     def of(rows: Rows, rng: np.random.Generator) -> RowNoise:
-        """Draw a key for rows.
-
-        Parameters
-        ----------
-        rows : stretches of time of pixels
-        rng : the frame's generator
-        """
+        """Draw a key for rows."""
         return RowNoise(draw_key(rng), packed(rows.pixel, np.int64), packed(rows.start, np.int64))
 
     def select(self, block: slice) -> RowNoise:

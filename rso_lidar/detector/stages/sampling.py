@@ -1,4 +1,7 @@
-"""Sampling and conversion: some steps of each row become counts, of one channel or of two with different gains."""
+"""Sampling and conversion: some steps of each row become counts, of one channel or of two with different gains.
+
+Everywhere `amplitude` (row, step) is in electrons; `row` and `first` (trace) are row and step of a trace's first sample.
+"""
 
 import numpy as np
 
@@ -28,8 +31,6 @@ def store_samples(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    row, first : (trace) row and step of the first sample
     offset_counts : (trace) offset of the pixel
     """
     counts = np.empty((len(row), n), np.float32)
@@ -64,15 +65,8 @@ def sample_rows(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    row, first : (trace) row and step of the first sample
     offset_counts : (trace) baseline, and what a pixel adds to it
-    quantised : whether counts are whole
     counts : (trace, sample) written
-
-    Returns
-    -------
-    number of traces filled.
     """
     for trace in range(counts.shape[0]):
         last = first[trace] + (counts.shape[1] - 1) * per_sample
@@ -88,12 +82,7 @@ def sample_rows(
 
 
 def convert(readout: Readout, amplitude: np.ndarray, offset_counts: np.ndarray | float = 0.0) -> np.ndarray:
-    """Return the converter's output [counts], baseline included; float32.
-
-    Parameters
-    ----------
-    amplitude : [electrons], any shape
-    """
+    """Return the converter's output [counts], baseline included, of any amplitude [electrons]; float32."""
     counts = amplitude * np.float32(1.0 / readout.electrons_per_count)
     counts = counts + np.asarray(offset_counts + readout.baseline_counts, np.float32)
     if readout.quantised:
@@ -120,16 +109,8 @@ def merge_low_gain(
 
     Parameters
     ----------
-    readout : the converters, with `low_gain`
-    amplitude : (row, step) [electrons]
-    rows : stretches of time of the rows
-    row, first : (trace) row and step of the first sample
     offset_counts : (trace) offset of the pixel
     counts : (trace, sample) of the first channel, changed in place
-
-    Returns
-    -------
-    (trace, sample) bool, whether both channels clip.
     """
     low = readout.low_gain
     assert low is not None
@@ -178,13 +159,10 @@ def merge_rows(
 
     Parameters
     ----------
-    amplitude : (row, step) [electrons]
-    row, first : (trace) row and step of the first sample
     address : key, pixel (trace) and first step since emission (trace) of the random words
     offset_counts : (trace) baseline and offset there [its counts]
     noise_counts : rms noise there [its counts]
     baseline : of both channels [counts]
-    quantised : whether counts are whole
     counts : (trace, sample) of the first channel, changed in place
     clipped : (trace, sample), written where both channels clip
     """

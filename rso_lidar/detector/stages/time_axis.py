@@ -77,8 +77,6 @@ def make_plan(
 
     Parameters
     ----------
-    readout : samples that are stored about a latch
-    pulse_fwhm_s : length of the pulse [s]
     steps_per_sample : least number of steps between samples
     earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light
     """
@@ -110,10 +108,6 @@ def place_rows(
     ----------
     least_photons : pixels that get no more than this have no rows
     sure_photons : after a row that gets more than this early enough, a pixel has no other, for it will have latched
-
-    Returns
-    -------
-    stretches of time of all pixels with light.
     """
     longest_s, step_s = _LONGEST * float(photons.pulse_fwhm_s), plan.step_s
     # No return reaches into more rows than this: each except the first and last is as long as the watched part.
@@ -201,16 +195,7 @@ def find_rows(
 
 
 def place_gate_rows(gate: Gate, readout: Readout, plan: SamplingPlan, n_pixels: int) -> tuple[Rows, int]:
-    """Place one row for each pixel over the gate; also return the number of the gate's first sample since emission.
-
-    Parameters
-    ----------
-    n_pixels : pixels of the array
-
-    Returns
-    -------
-    the rows, and the number of the gate's first sample.
-    """
+    """Place one row for each pixel over the gate; also return the number of the gate's first sample since emission."""
     from scipy.fft import next_fast_len
 
     sample = int(np.ceil(gate.delay_ns * units.NS / readout.sample_s - 1e-6))

@@ -47,15 +47,11 @@ class FixedAttitude(Part):
         return build_rotation(self.quaternion_xyzw, self.euler_zyx_deg)
 
     def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
-        """Return the constant attitude for any number of instants.
+        """Return the constant attitude axes_from_body, a single rotation, and zero body rates (…, 3) [rad/s].
 
         Parameters
         ----------
         time_s : instants (…) [s]
-
-        Returns
-        -------
-        axes_from_body, a single rotation, and zero body rates (…, 3) [rad/s]
         """
         return self.rotation, np.zeros((*np.shape(time_s), 3))
 
@@ -78,10 +74,6 @@ class Rtn(Part):
 
     def rtn_from_body(self) -> Rotation:
         """Return the constant rotation of the body in its rtn axes.
-
-        Returns
-        -------
-        rotation rtn_from_body
 
         Examples
         --------
@@ -106,10 +98,6 @@ class LvlhCcsds(Part):
 
     def rtn_from_body(self) -> Rotation:
         """Return the constant rotation of the body in its rtn axes.
-
-        Returns
-        -------
-        rotation rtn_from_body
 
         Examples
         --------

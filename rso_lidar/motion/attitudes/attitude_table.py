@@ -57,10 +57,6 @@ class AttitudeTable(Part):
     def orient(self, situation: Situation) -> Orientation:
         """Interpolate the attitude of the body.
 
-        Parameters
-        ----------
-        situation : epochs and orbit of the body
-
         Returns
         -------
         attitude and body rates in the axes of the table: root or rtn

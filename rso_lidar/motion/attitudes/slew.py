@@ -135,7 +135,7 @@ class Slew(Part):
         for _ in range(_TRIALS):
             grid_s = profile.grid_s()
             laws = self._evaluate_laws(self._situation_at(situation, grid_s))
-            profile = profile.with_way(_unwrap(_relative_rotvec(*laws), theta))
+            profile = replace(profile, way=_unwrap(_relative_rotvec(*laws), theta))
             demand = _peak_demand(grid_s, profile.orient(grid_s, *laws)[1])
             if np.all(demand <= limit * (1.0 + _SLACK)):
                 return profile
@@ -229,13 +229,6 @@ class SlewProfile:
     def fastest(start_s: float, angle_rad: float, rate_rad_s: float, acceleration_rad_s2: float) -> SlewProfile:
         """Plan the fastest rotation: a trapezoid of rate, or a triangle if the rate limit is not reached.
 
-        Parameters
-        ----------
-        start_s : start of the slew [s]
-        angle_rad : angle of rotation [rad]
-        rate_rad_s : rate limit [rad/s]
-        acceleration_rad_s2 : acceleration limit [rad/s2]
-
         Returns
         -------
         the profile, with a ramp of at least 1 ms
@@ -253,10 +246,6 @@ class SlewProfile:
     def stretch(self, factor: float) -> SlewProfile:
         """Return a profile of the same shape, longer by a factor."""
         return SlewProfile(self.start_s, self.ramp_s * factor, self.coast_s * factor)
-
-    def with_way(self, way: np.ndarray) -> SlewProfile:
-        """Return the same profile with the rotation vectors that decide its way round."""
-        return SlewProfile(self.start_s, self.ramp_s, self.coast_s, way)
 
     def grid_s(self) -> np.ndarray:
         """Return instants from start to end, the limits of the phases included [s]."""

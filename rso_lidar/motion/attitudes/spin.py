@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+import tomllib
+from collections.abc import Mapping
+from functools import cache, cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from rso_lidar import units
+from rso_lidar.errors import did_you_mean
 from rso_lidar.motion.attitudes.free_rotation import rotate_freely
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.motion.attitudes.spin_presets import merge_spin_preset
 from rso_lidar.part import GREATEST, Direction, Number, Part, Quaternion, Text, Vector
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
+
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
+_PLACES = {"direction", "quaternion_xyzw"}  # a user's choice of one replaces the preset's other
 
 
 class Spin(Part):
@@ -52,7 +57,7 @@ class Spin(Part):
     @model_validator(mode="before")
     @classmethod
     def _from_preset(cls, given: Any) -> Any:
-        return merge_spin_preset(given) if isinstance(given, dict) else given
+        return _merge_preset(given) if isinstance(given, dict) else given
 
     @model_validator(mode="after")
     def _one_start(self) -> Self:
@@ -200,3 +205,31 @@ class Tumble(Part):
     def orient(self, situation: Situation) -> Orientation:
         """Return the attitude and body rates in root axes."""
         return Orientation(*self.orientation(situation.epochs.time_s))
+
+
+@cache
+def load_spin_presets() -> dict[str, dict[str, Any]]:
+    """Load the rotations of real objects by name, as tables of an attitude with a line `what`.
+
+    Returns
+    -------
+    dict
+        Tables by name; `what` states what is sourced, with how much confidence, and what is assumed
+
+    Examples
+    --------
+    >>> sorted(load_spin_presets())
+    ['bs_3a', 'cz3b_stage', 'dead_geo', 'envisat_2013', 'envisat_2017']
+    """
+    return tomllib.loads(Path(__file__).with_name("presets.toml").read_text(encoding="utf-8"))
+
+
+def _merge_preset(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a table with the values of its preset where it has none; without a preset, the table itself."""
+    name, known = given.get("preset"), load_spin_presets()
+    if not isinstance(name, str):
+        return given
+    if name not in known:
+        raise ValueError(f"preset: no rotation '{name}'{did_you_mean(name, known)} (known: {', '.join(known)})")
+    left_out = {"what", *(_PLACES if _PLACES & set(given) else ())}
+    return {key: value for key, value in known[name].items() if key not in left_out} | dict(given)

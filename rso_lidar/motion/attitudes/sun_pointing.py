@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -13,9 +13,6 @@ from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.orbit import format_utc, rtn_from_lvlh_ccsds, sun_position_m
 from rso_lidar.part import Direction, Flag, Part, Vector
 from rso_lidar.pose import euler_zyx, rotate_vectors
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 _STEP_S = 64.0  # step of the difference that gives the Sun's own rate; rounding leaves 1e-15 rad/s
 
@@ -48,21 +45,8 @@ class SunPointing(Part):
             )
         return self
 
-    @property
-    def _body_from_triad(self) -> Rotation:
-        """Rotation to body axes from axes with x along `axis` and z as close to `up_axis` as possible."""
-        return aim_axes(np.array(self.axis), np.zeros(3), np.array(self.up_axis))[0]
-
     def orient(self, situation: Situation) -> Orientation:
         """Compute the attitude in root axes.
-
-        Parameters
-        ----------
-        situation : of the body, with the direction to the Sun
-
-        Returns
-        -------
-        attitude and body rates in root axes
 
         Raises
         ------
@@ -80,7 +64,8 @@ class SunPointing(Part):
             "give an `up` (root axes) across it",
         )
         rotation, rate = aim_axes(line, line_rate, up, situation.upward_rate if self.up is None else None)
-        body_from_triad = self._body_from_triad
+        # the triad has x along `axis`, and z as close to `up_axis` as possible
+        body_from_triad, _ = aim_axes(np.array(self.axis), np.zeros(3), np.array(self.up_axis))
         return Orientation(rotation * body_from_triad.inv(), rotate_vectors(body_from_triad, rate))
 
 
@@ -111,14 +96,6 @@ class Nadir(Part):
 
     def orient(self, situation: Situation) -> Orientation:
         """Compute the attitude in rtn axes.
-
-        Parameters
-        ----------
-        situation : of the body, with its rtn axes and the direction to the Sun
-
-        Returns
-        -------
-        attitude and body rates in rtn axes
 
         Raises
         ------
@@ -177,17 +154,7 @@ def _sine(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _refuse(situation: Situation, bad: np.ndarray, what: str, cure: str) -> None:
-    """Raise an error if a law is undetermined at some epochs.
-
-    Parameters
-    ----------
-    bad : mask (time) of these epochs
-
-    Raises
-    ------
-    PropagationError
-        If `bad` is true anywhere
-    """
+    """Raise `PropagationError` with the mask (time) of the epochs at which a law is undetermined, if there are any."""
     if bad.any():
         at = situation.epochs.time_s[np.argmax(bad)]
         raise PropagationError(

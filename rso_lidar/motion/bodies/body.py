@@ -74,15 +74,11 @@ class Body(Part):
         return ()
 
     def joint_axes(self, joint: HingeAxes) -> str:
-        """Return the name of the axes of a hinge.
+        """Return the name of the axes of a hinge, ``<body>.<hinge>``.
 
         Parameters
         ----------
         joint : a hinge of this body
-
-        Returns
-        -------
-        ``<body>.<hinge>``
         """
         return f"{self.name}.{joint.name}"
 

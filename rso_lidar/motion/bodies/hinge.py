@@ -120,17 +120,13 @@ class HingeAxes(Part):
         return self
 
     def link(self, time_s: np.ndarray, to_sun: np.ndarray | None, sun_rate: np.ndarray | None) -> Link:
-        """Return the link of the hinge's axes in body axes.
+        """Return the link of the hinge's axes in body axes (time), with the rate of the hinge [rad/s].
 
         Parameters
         ----------
         time_s : instants (time,) [s]
         to_sun : unit vectors (time, 3) to the Sun in body axes; None without a Sun
         sun_rate : rates (time, 3) of these vectors in body axes [1/s]; None without a Sun
-
-        Returns
-        -------
-        link of the hinge's axes in body axes (time), with the rate of the hinge [rad/s]
 
         Raises
         ------
@@ -147,22 +143,13 @@ class HingeAxes(Part):
     def _angle(
         self, time_s: np.ndarray, axis: np.ndarray, to_sun: np.ndarray | None, sun_rate: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Evaluate the law of the hinge.
+        """Evaluate the angle [rad] and rate [rad/s] (time,) of the hinge.
 
         Parameters
         ----------
         time_s : instants (time,) [s]
         axis : unit vector (3,) of the hinge line in body axes
         to_sun, sun_rate : as for `link`
-
-        Returns
-        -------
-        angle [rad] and rate [rad/s] (time,)
-
-        Raises
-        ------
-        ScenarioError
-            If the hinge follows the Sun and there is none
         """
         law = self.angle
         if isinstance(law, FixedAngle):

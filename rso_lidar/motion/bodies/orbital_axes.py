@@ -28,14 +28,7 @@ from rso_lidar.rpo import RtnMotion, rtn_matrix
 
 
 def link_orbit(motion: Any, epochs: Epochs, place: Place, center: BodyState | None, *, turns: bool) -> Link:
-    """Return the link from the root to the rtn axes of a body.
-
-    Parameters
-    ----------
-    place : position and velocity of the body's origin in root axes
-    center : state of the centre about which it orbits; None for the Earth, which is the origin
-    turns : whether the rotation of the orbital plane is needed
-    """
+    """Return the link from the root to the rtn axes of a body about a centre; None for the Earth, the origin."""
     state = BodyState(place.position_m, place.velocity_m_s)
     if center is not None:  # two-body motion about the Moon: the derivatives are exact
         about = subtract_center(state, center)
@@ -106,12 +99,7 @@ def _inertial_acceleration(
 def list_breaks_s(
     bodies: Sequence[Body], epochs: Epochs, make_chief: Callable[[Sequence[Body], str], Trajectory]
 ) -> np.ndarray:
-    """Return the instants [s] at which the states of some bodies in orbit have a jump or a corner.
-
-    Parameters
-    ----------
-    epochs : instants that matter
-    """
+    """Return the instants [s] at which the states of some bodies in orbit have a jump or a corner."""
     breaks = [np.empty(0)]
     for motion in (body.motion for body in bodies):
         if isinstance(motion, RtnMotion):

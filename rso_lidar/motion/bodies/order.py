@@ -87,15 +87,7 @@ def _by_name(bodies: Sequence[Body]) -> dict[str, Body]:
 
 
 def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str]:
-    """List the axes that must be known before the origin of a body is placed.
-
-    Parameters
-    ----------
-    local : whether the world is local, without an Earth
-
-    Returns
-    -------
-    name of the axes of the chief or host; empty for a motion in root axes
+    """Name the axes, of the chief or host, that must be known before the origin of a body is placed; empty for root axes.
 
     Raises
     ------
@@ -142,29 +134,15 @@ def find_center_of_body(body: Body, by_name: Mapping[str, Body]) -> CentralBody:
     body : the body that orbits
     by_name : all bodies
     """
-    return find_center(find_first_chief(body, by_name).motion)
-
-
-def find_first_chief(body: Body, by_name: Mapping[str, Body]) -> Body:
-    """Return the body at the begin of a chain of chiefs, whose motion is relative to no other."""
     seen = {body.name}
     while (relative_to := get_chief_name(body.motion)) in by_name and relative_to not in seen:
         body = by_name[str(relative_to)]
         seen.add(body.name)
-    return body
+    return find_center(body.motion)
 
 
 def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body], local: bool) -> list[str]:
-    """List the axes that must be known before the attitude of a body is computed.
-
-    Parameters
-    ----------
-    hosts : body of each name of declared axes
-    local : whether the world is local, without an Earth
-
-    Returns
-    -------
-    names of the axes at which the attitude looks
+    """List the axes that must be known before the attitude of a body is computed: those at which it looks.
 
     Raises
     ------
@@ -187,16 +165,6 @@ def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body]
 
 def _find_target_axes(at: str, body: Body, by_name: dict[str, Body], hosts: dict[str, Body]) -> str:
     """Find the axes whose position a body needs to look at a name.
-
-    Parameters
-    ----------
-    at : name of a body, or of axes that a body declares
-    body : the one that looks
-    hosts : body of each name of declared axes
-
-    Returns
-    -------
-    name of those axes
 
     Raises
     ------

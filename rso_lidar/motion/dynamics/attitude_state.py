@@ -90,10 +90,6 @@ def matrix_from_state(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Read attitudes as matrices, and body rates, from states.
 
-    Parameters
-    ----------
-    state, time_s : as for `attitude_from_state`
-
     Returns
     -------
     axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s]

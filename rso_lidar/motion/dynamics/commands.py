@@ -66,22 +66,7 @@ class CommandedModel(ABC):
 
 
 def check_inputs(inputs: np.ndarray, held: np.ndarray, label: str) -> np.ndarray:
-    """Check the inputs that a command gives.
-
-    Parameters
-    ----------
-    inputs : given (m,)
-    held : those in force (m,)
-
-    Returns
-    -------
-    inputs as an array (m,)
-
-    Raises
-    ------
-    ScenarioError
-        If they are not as many finite numbers as those in force
-    """
+    """Return the inputs (m,) of a command; raise `ScenarioError` unless they are as many finite numbers as `held`."""
     row = np.asarray(inputs, dtype=float)
     if row.shape != held.shape or not np.isfinite(row).all():
         raise ScenarioError(

@@ -141,7 +141,6 @@ class Flight(CommandedFlight):
 
         Parameters
         ----------
-        begin_s : its start [s]
         inputs : (m,), constant
         state : (n,) at `begin_s`
         """

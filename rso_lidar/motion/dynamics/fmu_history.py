@@ -180,7 +180,6 @@ class FmuHistory(CommandedFlight):
 
         Parameters
         ----------
-        count : number of steps
         keep_state : whether the flight may go back to the end of them
         keep_all : whether all outputs since t = 0 are kept
         """
@@ -236,12 +235,7 @@ class FmuFlight(FmuHistory):
 
 @functools.lru_cache(maxsize=16)
 def _find_history(dump: str, kind: type[FmuDynamics], _stamp: tuple[int, int]) -> FmuHistory:
-    """Return the history of an FMU, cached until its file changes.
-
-    Parameters
-    ----------
-    _stamp : modification time and size of the file, a key of the cache
-    """
+    """Return the history of an FMU, cached until its file changes."""
     return FmuHistory(kind.model_validate_json(dump))
 
 

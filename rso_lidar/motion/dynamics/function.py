@@ -32,15 +32,11 @@ def _check_dynamics(value: Any) -> Any:
 
 
 def name_function(value: Any) -> str:
-    """Return the name of a function by which it can be found again.
+    """Return a function's name by which it can be found again: `package.module:name` or `file.py:name`; "<" marks a lambda.
 
     Parameters
     ----------
     value : a function ``f(t, x, u)``, or its name as a scenario gives it
-
-    Returns
-    -------
-    the name, such as `package.module:name` or `file.py:name`; that of a lambda contains "<"
     """
     if isinstance(value, str):
         return value
@@ -48,15 +44,11 @@ def name_function(value: Any) -> str:
 
 
 def find_dynamics_file(dynamics: Any) -> str | None:
-    """Return the Python file in the name of a function.
+    """Return the Python file in the name of a function; None for a function itself, or the name of one in a package.
 
     Parameters
     ----------
     dynamics : a function ``f(t, x, u)``, or its name as a scenario gives it
-
-    Returns
-    -------
-    path as the name gives it; None for a function itself, or the name of one in a package
     """
     place = dynamics.rpartition(":")[0] if isinstance(dynamics, str) else ""
     return place if place.endswith(".py") else None
@@ -95,23 +87,7 @@ def wrap_dynamics(function: Function, label: str, n: int, answer: str = "") -> F
     """
 
     def call_checked(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Call the function of the dynamics and check its result.
-
-        Parameters
-        ----------
-        t : time since `start_utc` [s]
-        x : state (n,)
-        u : inputs (m,)
-
-        Returns
-        -------
-        derivatives (n,)
-
-        Raises
-        ------
-        ScenarioError
-            If the function fails, or if its result is not (n,) finite numbers
-        """
+        """Call the function of the dynamics; raise `ScenarioError` unless its result is (n,) finite numbers."""
         x = x.copy()  # f must not change the state by writing into its arguments, nor keep what changes later
         x.setflags(write=False)
         if u.flags.writeable:
@@ -184,25 +160,12 @@ class _SourceLoader(importlib.machinery.SourceFileLoader):
         raise OSError
 
     def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
-        """Do not write a compiled file.
-
-        Parameters
-        ----------
-        path, data, _mode : as in `importlib.abc.SourceLoader`, ignored
-        """
+        """Do not write a compiled file."""
 
 
 @functools.lru_cache(maxsize=32)
 def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
     """Run a Python file as a module, cached until its modification time or size changes.
-
-    Parameters
-    ----------
-    _modified_ns, _size : modification time and size of the file, the key of the cache
-
-    Returns
-    -------
-    the module
 
     Raises
     ------

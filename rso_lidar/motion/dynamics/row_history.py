@@ -67,10 +67,6 @@ class RowHistory:
         ----------
         rows : (row, n)
         keep_all : whether early rows are kept when there are many
-
-        Returns
-        -------
-        RowHistory
         """
         block, after = self._block, self._count + len(rows)
         if block.used != self._count or after > len(block.rows):
@@ -88,11 +84,5 @@ class RowHistory:
 
 
 def _rebuild(first: int, rows: np.ndarray) -> RowHistory:
-    """Return a history of rows.
-
-    Parameters
-    ----------
-    first : number of the first
-    rows : (row, n)
-    """
+    """Return a history of rows."""
     return RowHistory(_Block(first, rows, 2 * max(len(rows), _LEAST)), len(rows))

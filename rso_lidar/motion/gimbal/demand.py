@@ -36,15 +36,11 @@ class FixedPoint(_Point):
     tilt_deg: Number = Field(default=0.0, description="Tilt angle, positive upward [deg].")
 
     def demand(self, time_s: np.ndarray) -> np.ndarray:
-        """Return the demand, which is constant.
+        """Return the demand (time, 2) [rad], which is constant.
 
         Parameters
         ----------
         time_s : instants (time,) [s]
-
-        Returns
-        -------
-        pan and tilt (time, 2) [rad]
         """
         return np.tile(np.array([self.pan_deg, self.tilt_deg]) * units.DEG, (len(time_s), 1))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
+from abc import abstractmethod
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -27,6 +28,7 @@ from rso_lidar.motion.dynamics.function import (
 )
 from rso_lidar.part import NotNegative, Number, Part, Positive
 
+TICK_S = 1e-3  # the grid of all drives
 Limits = tuple[Number, Number]
 Pair = tuple[float, float]
 State = tuple[tuple[Pair, Pair], tuple[Any, ...]]  # (angle, rate) of pan and of tilt, and further entries
@@ -86,17 +88,35 @@ class _Drive(Travel):
         return math.inf if self.max_acceleration_deg_s2 is None else self.max_acceleration_deg_s2 * units.DEG
 
     def limits(self, dt: float) -> Pair:
-        """Return the greatest rate, and its greatest change in a time step.
+        """Return the greatest rate [rad/s], and its greatest change [rad/s] in a time step.
 
         Parameters
         ----------
         dt : time step [s]
+        """
+        return self.max_rate_rad_s, self.max_acceleration_rad_s2 * dt
+
+    def advance(
+        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[Any, ...], held: np.ndarray
+    ) -> State:
+        """Advance both axes through demands that are held one after the other.
+
+        Parameters
+        ----------
+        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`
+        further : returned as it is, because this drive has no further entries
 
         Returns
         -------
-        rate [rad/s] and change of rate [rad/s]
+        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`
         """
-        return self.max_rate_rad_s, self.max_acceleration_rad_s2 * dt
+        rows = zip(self.travel_rad, axes, packed(held.T, float), strict=True)
+        pan, tilt = (self._advance_axis(dt, travel, axis, demanded) for travel, axis, demanded in rows)
+        return (pan, tilt), further
+
+    @abstractmethod
+    def _advance_axis(self, dt: float, travel: Limits, axis: Pair, demanded: np.ndarray) -> Pair:
+        """Advance one axis, as `advance_first_order` does."""
 
 
 class Ideal(Travel):
@@ -112,25 +132,9 @@ class FirstOrder(_Drive):
     type: Literal["first_order"] = "first_order"
     time_constant_s: Positive = Field(description="Time constant τ [s].")
 
-    def advance(
-        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[Any, ...], held: np.ndarray
-    ) -> State:
-        """Advance both axes through demands that are held one after the other.
-
-        Parameters
-        ----------
-        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`
-        further : returned as it is, because this drive has no further entries
-
-        Returns
-        -------
-        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`
-        """
+    def _advance_axis(self, dt: float, travel: Limits, axis: Pair, demanded: np.ndarray) -> Pair:
         law = self.time_constant_s, math.exp(-dt / self.time_constant_s)
-        limits = self.limits(dt)
-        (pan_ends, tilt_ends), demanded = self.travel_rad, packed(held.T, float)
-        pan = advance_first_order(dt, law, limits, pan_ends, axes[0], demanded[0])
-        return (pan, advance_first_order(dt, law, limits, tilt_ends, axes[1], demanded[1])), further
+        return advance_first_order(dt, law, self.limits(dt), travel, axis, demanded)
 
 
 class SecondOrder(_Drive):
@@ -142,25 +146,9 @@ class SecondOrder(_Drive):
         description="Damping ratio ζ. The drive lags a steady slew by ζ / (π natural_hz) seconds."
     )
 
-    def advance(
-        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[Any, ...], held: np.ndarray
-    ) -> State:
-        """Advance both axes through demands that are held one after the other.
-
-        Parameters
-        ----------
-        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`
-        further : returned as it is, because this drive has no further entries
-
-        Returns
-        -------
-        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`
-        """
+    def _advance_axis(self, dt: float, travel: Limits, axis: Pair, demanded: np.ndarray) -> Pair:
         law = second_order_transition(2.0 * math.pi * self.natural_hz, self.damping, dt)
-        limits = self.limits(dt)
-        (pan_ends, tilt_ends), demanded = self.travel_rad, packed(held.T, float)
-        pan = advance_second_order(dt, law, limits, pan_ends, axes[0], demanded[0])
-        return (pan, advance_second_order(dt, law, limits, tilt_ends, axes[1], demanded[1])), further
+        return advance_second_order(dt, law, self.limits(dt), travel, axis, demanded)
 
 
 class StateSpaceDrive(Travel):
@@ -268,16 +256,8 @@ def advance_second_order(
 
     Parameters
     ----------
-    dt : how long each demand is held [s]
     law : transition matrix over `dt`, by rows
-    limits : greatest rate [rad/s], and greatest change of it in `dt` [rad/s]
-    travel : lower and upper end of the axis [rad]
-    axis : angle [rad] and rate [rad/s] at the start
-    demanded : demands (tick) f8 [rad]
-
-    Returns
-    -------
-    angle [rad] and rate [rad/s] after the last demand
+    dt, limits, travel, axis, demanded : as for `advance_first_order`
     """
     (x, v), (low, high), (most, change), (xx, xv, vx, vv) = axis, travel, limits, law
     for d in demanded:

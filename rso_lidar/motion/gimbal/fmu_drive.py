@@ -9,10 +9,8 @@ from pydantic import Field
 
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.fmi import FmuModel, find_conversion
-from rso_lidar.motion.gimbal.drive import Pair, State, Travel
+from rso_lidar.motion.gimbal.drive import TICK_S, Pair, State, Travel
 from rso_lidar.part import Text
-
-TICK_S = 1e-3  # the grid of the drive, as in ptu
 
 
 class FmuDrive(FmuModel, Travel):

@@ -24,7 +24,7 @@ from pydantic import Field
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.gimbal.demand import Demand, FixedPoint, ScanPoint, TrackPoint
-from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, Pair, SecondOrder, StateSpaceDrive
+from rso_lidar.motion.gimbal.drive import TICK_S, FirstOrder, Ideal, Pair, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.fmu_drive import FmuDrive
 from rso_lidar.motion.mount import Mount
 from rso_lidar.part import GREATEST, NotNegative, Number, Part
@@ -32,7 +32,6 @@ from rso_lidar.pose import Link
 from rso_lidar.records import Command, PtuAngles
 
 TICKS_PER_S = 1000
-TICK_S = 1.0 / TICKS_PER_S
 CHUNK = 20_000  # ticks in one evaluation of the demand; bounds memory
 
 
@@ -139,10 +138,6 @@ def start(ptu: Ptu, demand: Demand) -> PtuState:
     ----------
     ptu : the pan-tilt unit
     demand : of the scenario
-
-    Returns
-    -------
-    state at t = 0
     """
     demanded = _pair(demand(np.zeros(1))[0])
     pan, tilt = (
@@ -293,12 +288,7 @@ def _apply_command(angles: np.ndarray, command: Command) -> np.ndarray:
 
 
 def _select_commands(state: PtuState, command: Command, latency: int) -> tuple[tuple[int, Command], ...]:
-    """List the commands that still matter from the state's tick on, the new one last.
-
-    Returns
-    -------
-    commands, each with the first tick at which the drive obeys it
-    """
+    """List the commands that still matter from the state's tick on, each with its first tick, the new one last."""
     tick, rest_s = _split_time(state.time_s)
     commands = state.commands
     if command != (commands[-1][1] if commands else Command()):
@@ -316,16 +306,7 @@ def _sample_demand(
     latency: int,
     travel: tuple[Pair, Pair],
 ) -> np.ndarray:
-    """Sample demand and commands at ticks, within the travel.
-
-    Parameters
-    ----------
-    travel : lower and upper limits of pan and of tilt [rad]
-
-    Returns
-    -------
-    demanded pan and tilt (tick, 2) [rad]
-    """
+    """Sample demand and commands at ticks (tick, 2) [rad], within the travel."""
     both = all(command.pan_rad is not None and command.tilt_rad is not None for _, command in commands)
     if commands and commands[0][0] <= first and both:
         demanded = np.empty((end - first, 2))
@@ -348,16 +329,7 @@ def _sample_demand(
 def _follow_demand(
     response: Ideal, demand: Demand, commands: tuple[tuple[int, Command], ...], time_s: float, latency: int
 ) -> tuple[Pair, Pair]:
-    """Evaluate the demand of an ideal drive, and its rates by central difference over a tick.
-
-    Parameters
-    ----------
-    time_s : instant [s]
-
-    Returns
-    -------
-    pan and tilt [rad], and their rates [rad/s]
-    """
+    """Evaluate the demand [rad] of an ideal drive, and its rates [rad/s] by central difference over a tick."""
     now = time_s - latency / TICKS_PER_S
     around = np.maximum([now, now - TICK_S / 2, now + TICK_S / 2], 0.0)
     demanded = demand(around)

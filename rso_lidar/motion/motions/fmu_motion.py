@@ -89,12 +89,7 @@ class FmuMotion(FmuDynamics, PlacedMotion):
     def _interpolate(
         self, before: np.ndarray, after: np.ndarray, share: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return position, velocity and acceleration (time, 3) of the cubics between outputs.
-
-        Parameters
-        ----------
-        before, after, share : as `FmuHistory.around` returns them
-        """
+        """Return position, velocity and acceleration (time, 3) of the cubics between outputs."""
         return interpolate_cubic(before[:, :3], after[:, :3], (before[:, 3:6], after[:, 3:6]), share, self.step_s)
 
     def find_specific_force(self, flight: CommandedFlight | None, time_s: np.ndarray) -> np.ndarray:
@@ -112,14 +107,10 @@ class FmuMotion(FmuDynamics, PlacedMotion):
         return (flight or self.fly_open_loop())(time_s)[:, -3:]
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the start of the run, because an FMU has no state before it.
+        """Return the start of the run (1,) [s], because an FMU has no state before it.
 
         Parameters
         ----------
         epochs : not used
-
-        Returns
-        -------
-        the instant 0 (1,) [s]
         """
         return np.zeros(1)

@@ -129,15 +129,11 @@ def has_orbit(motion: Any) -> bool:
 
 
 def get_chief_name(motion: Any) -> str | None:
-    """Return the name of the body to which a motion is relative.
+    """Return the name of the body to which a motion is relative; None if it is relative to the root.
 
     Parameters
     ----------
     motion : any motion
-
-    Returns
-    -------
-    name of that body; None if the motion is relative to the root
     """
     name: str | None = read_member(motion, "relative_to", None, (str, NoneType), "name a body, or leave it out")
     return name

@@ -41,15 +41,11 @@ class Fixed(PlacedMotion):
         return Place(*self.positions(epochs.time_s))
 
     def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the constant position in the parent's axes.
+        """Return the constant position [m] in the parent's axes, and zero velocity [m/s], each (time, 3).
 
         Parameters
         ----------
         time_s : instants (time,) [s]
-
-        Returns
-        -------
-        position [m] and zero velocity [m/s], each (time, 3)
         """
         shape = (len(time_s), 3)
         return np.broadcast_to(np.array(self.position_m), shape), np.zeros(shape)
@@ -181,21 +177,7 @@ def read_table(path: str | Path) -> TableRows:
 
 @functools.lru_cache(maxsize=16)
 def _read_file(path: Path, _modified_ns: int, _size: int) -> TableRows:
-    """Read a table, cached until its modification time or size changes.
-
-    Parameters
-    ----------
-    _modified_ns, _size : modification time and size of the file, the key of the cache
-
-    Returns
-    -------
-    rows of the table
-
-    Raises
-    ------
-    ScenarioError
-        If the file is invalid
-    """
+    """Read a table, cached until its modification time or size changes."""
     text = read_text(path, MOST_BYTES, ScenarioError, "CSV file")
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text; name a CSV file")

@@ -109,15 +109,11 @@ class StateSpace(StateSpaceModel, PlacedMotion):
         return Place(state[:, :3], state[:, 3:PLACE], known)
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the start of the run, because user-defined dynamics have no state before it.
+        """Return the start of the run (1,) [s], because user-defined dynamics have no state before it.
 
         Parameters
         ----------
         epochs : not used
-
-        Returns
-        -------
-        the instant 0 (1,) [s]
         """
         return np.zeros(1)
 

@@ -110,13 +110,7 @@ def read_attitudes(file: str, wanted: str | None, axes: str | None) -> tuple[Att
 def _read_file(
     path: Path, _modified_ns: int, _size: int, wanted: str | None, axes: str | None
 ) -> tuple[AttitudeSegment, ...]:
-    """Read a table of attitudes, cached until the file changes.
-
-    Parameters
-    ----------
-    wanted, axes : as for `read_attitudes`
-    _modified_ns, _size : modification time and size of the file, the key of the cache
-    """
+    """Read a table of attitudes, cached until the file changes."""
     text = read_table_text(path)
     if not is_message(text):
         if wanted is not None:
@@ -146,12 +140,7 @@ def _read_csv(text: str, where: str, axes: str) -> AttitudeSegment:
 
 
 def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datetime.datetime | None) -> AttitudeSegment:
-    """Read one segment of an AEM, as axes_from_body in inertial or rtn axes.
-
-    Parameters
-    ----------
-    start_utc : instant from which all times count; None for the first row of this segment
-    """
+    """Read one segment of an AEM, as axes_from_body in inertial or rtn axes; times count from its first row by default."""
     from scipy.spatial.transform import Rotation
 
     at = f"{message.where}: line {segment.line}"

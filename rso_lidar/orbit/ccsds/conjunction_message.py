@@ -161,13 +161,7 @@ class ConjunctionMessage:
 
 
 def _read_parts(text: str, where: str) -> tuple[KeywordBlock, list[KeywordBlock]]:
-    """Read the keywords of the conjunction, and of its two objects, which the keyword OBJECT begins.
-
-    Raises
-    ------
-    ScenarioError
-        if the text does not follow the format, or does not hold two objects
-    """
+    """Read the keywords of the conjunction, and of its two objects, which the keyword OBJECT begins."""
     version, entries = read_keywords(text, "CDM", where)
     check_version(version, "CDM", where, "12")
     common = KeywordBlock(where, "the message")
@@ -225,12 +219,7 @@ def _read_object(fields: KeywordBlock, tca_utc: datetime.datetime) -> Conjunctio
 def _to_gcrs(
     position_m: np.ndarray, velocity_m_s: np.ndarray, frame: StatedValue, where: str, tca_utc: datetime.datetime
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Convert a state of a message to GCRS axes.
-
-    Parameters
-    ----------
-    position_m, velocity_m_s : (3,) state in the frame of the message
-    """
+    """Convert a state (3,) in the frame of a message to GCRS axes."""
     axes = parse_frame(frame.value, f"{where}: line {frame.line}")
     if axes == "itrs":
         cure = "both objects share it, and for absolute positions give the message in GCRF or EME2000"

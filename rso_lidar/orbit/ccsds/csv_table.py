@@ -48,16 +48,12 @@ class TimedTable:
 def elapsed_from_ps(
     stamps: Sequence[int], start_utc: datetime.datetime | None = None
 ) -> tuple[datetime.datetime, np.ndarray]:
-    """Convert instants [ps] to seconds after a start.
+    """Convert instants [ps] to a start and seconds after it (row,) [s].
 
     Parameters
     ----------
     stamps : (row,) instants [ps of TAI since the start of 2000]
     start_utc : the start; a whole UTC second at the first instant if None
-
-    Returns
-    -------
-    start_utc, time_s : the start, and (row,) seconds after it [s]
     """
     if start_utc is None:
         start, start_ps = floor_to_utc_second(stamps[0])
@@ -116,22 +112,7 @@ def read_csv_table(text: str, where: str, sets: Sequence[Sequence[str]], needed:
 
 
 def check_unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[int]) -> np.ndarray:
-    """Check that quaternions have norm 1, and return them unchanged.
-
-    Parameters
-    ----------
-    quaternion : (row, 4), in any order of components
-    lines : (row,) line numbers in the file
-
-    Returns
-    -------
-    the same quaternions (row, 4)
-
-    Raises
-    ------
-    ScenarioError
-        if the norm of a quaternion is not 1; the message names its line
-    """
+    """Return quaternions (row, 4); a `ScenarioError` names the line, of `lines` (row,), of one whose norm is not 1."""
     norms = np.linalg.norm(quaternion, axis=1)
     wrong = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_WITHIN)
     if len(wrong):
@@ -145,22 +126,7 @@ def check_unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[i
 def _find_time_column(
     where: str, header: list[str], sets: Sequence[Sequence[str]], needed: Sequence[Sequence[str]]
 ) -> str:
-    """Check the header, and return the name of its column of time.
-
-    Parameters
-    ----------
-    header : names of the columns
-    sets, needed : see `read_csv_table`
-
-    Returns
-    -------
-    name of the column of time
-
-    Raises
-    ------
-    ScenarioError
-        if a column is unknown, given twice or missing, or if there is not exactly one column of time
-    """
+    """Check the header, and return the name of its column of time; `sets` and `needed` are as for `read_csv_table`."""
     known = [*TIMES, *(name for group in sets for name in group)]
     for name in header:
         if name not in known:

@@ -125,15 +125,11 @@ class Ephemeris(Part):
         )
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants at which segments begin and end.
+        """Return the instants at which segments begin and end, as times since the `start_utc` of `epochs` [s].
 
         Parameters
         ----------
         epochs : instants
-
-        Returns
-        -------
-        times since the `start_utc` of `epochs` [s]
         """
         arcs, start = self._arcs(), epochs.at(slice(0, 1))
         begin_s = [arc.begin_s - float(arc.elapsed_s(start)[0]) + float(start.time_s[0]) for arc in arcs]
@@ -164,18 +160,12 @@ def _open(
 
     Parameters
     ----------
-    path, modified_ns, size : the file, and time of its last change [ns] and size [bytes], the key of the cache
     wanted : name or identifier of one object of a message; None for the only one
     interpolation, degree : choice of the part; None for that of the file
 
     Returns
     -------
     segments in the order of time, what to warn of, and the farthest position (arc, 3) of each segment in ITRF [m]
-
-    Raises
-    ------
-    ScenarioError
-        if the file is invalid, or its interpolation is no orbit
     """
     arcs = read_arcs(path, modified_ns, size, wanted)
     fixed = [arc.position_m for arc in arcs if arc.frame == "itrs"]

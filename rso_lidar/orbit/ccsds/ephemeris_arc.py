@@ -57,17 +57,7 @@ class EphemerisArc(TableSegment):
     degree: int | None = None
 
     def choose(self, interpolation: str | None, degree: int | None) -> tuple[str, int]:
-        """Choose the method, "lagrange" or "hermite", and the degree of the polynomial that the rows allow.
-
-        Parameters
-        ----------
-        interpolation, degree : choice of the part; None for that of the file
-
-        Raises
-        ------
-        ScenarioError
-            if the method is unknown, or needs velocities that are missing
-        """
+        """Choose the method, "lagrange" or "hermite", and the degree that the rows allow; None is the choice of the file."""
         method = interpolation or self.interpolation or ("lagrange" if self.velocity_m_s is None else "hermite")
         order = degree or self.degree or DEGREE
         if method == "lagrange":
@@ -81,13 +71,7 @@ class EphemerisArc(TableSegment):
         return method, min(max(order, _LEAST_HERMITE), 2 * len(self.time_s) - 1)
 
     def interpolate(self, time_s: np.ndarray, method: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
-        """Interpolate position [m] and velocity [m/s] (time, 3) in the segment's own frame.
-
-        Parameters
-        ----------
-        time_s : (time,) instants since the segment's start, within its rows [s]
-        degree : see `choose`
-        """
+        """Interpolate position [m] and velocity [m/s] (time, 3) in the segment's own frame, within its rows."""
         if method == "hermite":
             assert self.velocity_m_s is not None
             return interpolate_hermite(time_s, self.time_s, self.position_m, self.velocity_m_s, degree)
@@ -125,12 +109,7 @@ def read_arcs(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> 
 
     Parameters
     ----------
-    _modified_ns, _size : modification time and size of the file, the key of the cache
     wanted : name or identifier of one object of a message; None for the only one
-
-    Returns
-    -------
-    segments in the order of time
 
     Raises
     ------
@@ -180,21 +159,7 @@ def _read_message(message: CcsdsMessage, wanted: str | None) -> list[EphemerisAr
 
 
 def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datetime.datetime | None) -> EphemerisArc:
-    """Read one segment of an OEM.
-
-    Parameters
-    ----------
-    start_utc : instant from which all times count; None for the first row of this segment
-
-    Returns
-    -------
-    states of the segment in its own frame
-
-    Raises
-    ------
-    ScenarioError
-        if the centre is not the Earth, the frame is not supported, or a row is invalid
-    """
+    """Read one segment of an OEM, whose times count from its first row by default."""
     at = f"{message.where}: line {segment.line}"
     check_center("CENTER_NAME", message.require(segment, "CENTER_NAME"), message.where)
     reference = message.require(segment, "REF_FRAME")

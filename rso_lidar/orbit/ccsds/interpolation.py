@@ -63,7 +63,6 @@ def _window(time_s: np.ndarray, nodes_s: np.ndarray, width: int) -> np.ndarray:
 
     Parameters
     ----------
-    time_s : (time,) instants [s]
     nodes_s : (row,) increasing [s]
     width : number of rows
     """

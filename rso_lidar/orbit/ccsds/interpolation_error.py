@@ -89,10 +89,6 @@ def estimate_errors(arc: EphemerisArc, method: str, degree: int) -> IntervalErro
     """Estimate the error of interpolation in intervals between the rows of a segment, in its usable span.
 
     Of more than 4096 intervals, those that cover the greatest angles are taken and as many evenly spread.
-
-    Parameters
-    ----------
-    method, degree : of the interpolation, see `EphemerisArc.choose`
     """
     span_s = np.diff(arc.time_s)
     middle_s = arc.time_s[:-1] + 0.5 * span_s
@@ -145,12 +141,7 @@ def _are_far_apart(arc: EphemerisArc, chosen: np.ndarray, angle: np.ndarray) -> 
 
 
 def _make_inertial(arc: EphemerisArc, method: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows in axes that do not turn; missing velocities are those of the interpolation.
-
-    Parameters
-    ----------
-    method, degree : of the interpolation, such as `hermite` and 7
-    """
+    """Return the rows in axes that do not turn; missing velocities are those of the interpolation."""
     position_m = arc.position_m
     velocity_m_s = arc.velocity_m_s
     if velocity_m_s is None:
@@ -277,13 +268,7 @@ def _gravity(position_m: np.ndarray, j2: float) -> np.ndarray:
 
 
 def _describe(arc: EphemerisArc, errors: IntervalErrors, k: int) -> str:
-    """Describe the error in one interval, which lies between two rows.
-
-    Parameters
-    ----------
-    errors : of its intervals, see `IntervalErrors`
-    k : number of the interval in `errors`
-    """
+    """Describe the error in one interval, which lies between two rows."""
     first = int(errors.first[k])
     begin_s, gap_s = float(arc.time_s[first]), float(arc.time_s[first + 1] - arc.time_s[first])
     since = f"time_s = {begin_s:g}" if arc.start_utc is None else format_utc(arc.start_utc, begin_s)
@@ -294,13 +279,7 @@ def _describe(arc: EphemerisArc, errors: IntervalErrors, k: int) -> str:
 
 
 def _advise(arc: EphemerisArc, method: str, degree: int, errors: IntervalErrors, k: int) -> str:
-    """Return what to do about the error in one interval: another degree where that helps, else other rows.
-
-    Parameters
-    ----------
-    errors, k : as for `_describe`
-    method, degree : of the interpolation, such as `hermite` and 7
-    """
+    """Return what to do about the error in one interval: another degree where that helps, else other rows."""
     natural = "lagrange" if arc.velocity_m_s is None else "hermite"
     for other in dict.fromkeys((method, natural)):
         choice, order = arc.choose(other, DEGREE)

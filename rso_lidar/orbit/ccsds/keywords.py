@@ -26,17 +26,7 @@ class StatedValue(Entry):
 
 
 def read_keywords(text: str, kind: str, where: str) -> tuple[str, list[tuple[str, StatedValue]]]:
-    """Read the keywords of a message in either notation.
-
-    Returns
-    -------
-    version of the format, and keywords with values in the order of the file
-
-    Raises
-    ------
-    ScenarioError
-        if the text does not follow the format; the message names the line
-    """
+    """Read the version of the format, and the keywords in the order of the file, of a message in either notation."""
     if text.lstrip().startswith("<"):
         leaves = _Leaves()
         version = walk_message(text, kind, where, leaves)
@@ -108,26 +98,14 @@ class KeywordBlock:
         return key in self.entries
 
     def find(self, key: str) -> StatedValue | None:
-        """Return an optional entry, or None.
-
-        Raises
-        ------
-        ScenarioError
-            if it is given twice
-        """
+        """Return an optional entry, or None; raise `ScenarioError` if it is given twice."""
         several = self.entries.get(key, [])
         if len(several) > 1:
             raise ScenarioError(f"{self.where}: line {several[1].line}: {key} is given twice; remove one")
         return several[0] if several else None
 
     def require(self, key: str) -> StatedValue:
-        """Return a mandatory entry.
-
-        Raises
-        ------
-        ScenarioError
-            if the part lacks it
-        """
+        """Return a mandatory entry; raise `ScenarioError` if the part lacks it."""
         entry = self.find(key)
         if entry is None:
             raise ScenarioError(f"{self.where}: {self.part} lacks {key}, which the standard requires; add it")
@@ -138,18 +116,7 @@ class KeywordBlock:
         return self.entries[key][0].value if key in self.entries else ""
 
     def number(self, key: str, unit: str, low: float = -math.inf, high: float = math.inf) -> float | None:
-        """Return an optional number, or None where the part lacks it or states that it is unknown, such as NaN.
-
-        Parameters
-        ----------
-        key, unit : keyword, and the unit that the standard sets for it
-        low, high : limits of the value
-
-        Raises
-        ------
-        ScenarioError
-            if it is not a number within the limits, or in another unit
-        """
+        """Return an optional number in the standard's unit; None where the part lacks it or states that it is unknown."""
         entry = self.find(key)
         if entry is None or entry.value.lower() in _NOT_GIVEN:
             return None
@@ -165,21 +132,11 @@ class KeywordBlock:
         ----------
         key, unit : keyword, and the unit that the standard sets for it
         most : greatest magnitude; by default that of any number
-
-        Raises
-        ------
-        ScenarioError
-            if the part lacks it, or it is not a number in this unit
         """
         return self._parse(key, self.require(key), unit, most)
 
     def _parse(self, key: str, entry: StatedValue, unit: str, most: float | None = None) -> float:
-        """Parse a number in a unit.
-
-        Parameters
-        ----------
-        key, unit, most : as for `require_number`
-        """
+        """Parse a number in a unit."""
         at = f"{self.where}: line {entry.line}"
         if entry.unit.lower() not in ("", unit.lower()):
             raise ScenarioError(f"{at}: {key} in {entry.unit}; write it in {unit or 'no unit'}, as the standard does")
@@ -187,17 +144,7 @@ class KeywordBlock:
 
 
 def check_version(version: str, kind: str, where: str, known: Sequence[str]) -> None:
-    """Check the version of a format.
-
-    Parameters
-    ----------
-    known : main numbers that are read
-
-    Raises
-    ------
-    ScenarioError
-        if it is another
-    """
+    """Raise `ScenarioError` unless the main number of a format's version is known."""
     if not re.fullmatch(rf"[{''.join(known)}]\.[0-9]+", version):
         written = " or ".join(f"{number}.0" for number in known)
         raise ScenarioError(f"{where}: CCSDS_{kind}_VERS {version} is not supported; write {written}")

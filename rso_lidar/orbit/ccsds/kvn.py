@@ -14,17 +14,7 @@ Piece = tuple[dict[str, str], Iterable[str]]  # the metadata of a segment, and i
 
 
 def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
-    """Read a message in keyword = value notation.
-
-    Returns
-    -------
-    the message
-
-    Raises
-    ------
-    ScenarioError
-        if the text does not follow the format; the message names the line
-    """
+    """Read a message in keyword = value notation; a `ScenarioError` names the line that does not follow the format."""
     message = CcsdsMessage(where, "", {}, [])
     inside = ""  # the block that is open: META, COVARIANCE or DATA
     begun = 0
@@ -78,10 +68,6 @@ def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
 
 def format_kvn(kind: str, version: str, header: dict[str, str], segments: Sequence[Piece]) -> str:
     """Format a message of one or more segments in keyword = value notation.
-
-    Returns
-    -------
-    text of the message
 
     Raises
     ------

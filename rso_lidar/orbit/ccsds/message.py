@@ -40,13 +40,7 @@ class CcsdsMessage:
     segments: list[CcsdsSegment]
 
     def require(self, segment: CcsdsSegment, key: str) -> Entry:
-        """Return a mandatory entry of a segment's metadata.
-
-        Raises
-        ------
-        ScenarioError
-            if the entry is missing
-        """
+        """Return a mandatory entry of a segment's metadata; raise `ScenarioError` if it is missing."""
         if key not in segment.meta:
             raise ScenarioError(
                 f"{self.where}: line {segment.line}: the metadata lack {key}, which the standard requires; add it"
@@ -85,17 +79,7 @@ def list_objects(message: CcsdsMessage) -> list[str]:
 
 
 def select_segments(message: CcsdsMessage, wanted: str | None) -> list[CcsdsSegment]:
-    """Select the segments of an object by name or id, or of the only object.
-
-    Parameters
-    ----------
-    wanted : name or id in any case, or None for the only object
-
-    Raises
-    ------
-    ScenarioError
-        if there is no such object, or more than one and none is named
-    """
+    """Select the segments of an object by name or id in any case (None: the only one), or raise `ScenarioError`."""
     chosen, known = [], {}
     for segment in message.segments:
         name, identity = message.require(segment, "OBJECT_NAME").value, message.require(segment, "OBJECT_ID").value
@@ -111,17 +95,7 @@ def select_segments(message: CcsdsMessage, wanted: str | None) -> list[CcsdsSegm
 
 
 def parse_number(where: str, name: str, cell: str, most: float = GREATEST) -> float:
-    """Parse a cell as a finite number.
-
-    Returns
-    -------
-    the number
-
-    Raises
-    ------
-    ScenarioError
-        if the text is not a finite number
-    """
+    """Parse a cell as a finite number, or raise `ScenarioError`."""
     try:
         value = float(cell if cell.isascii() and "_" not in cell else "no number")
     except ValueError:
@@ -138,11 +112,6 @@ def check_increasing(where: str, stamps: Sequence[int], lines: Sequence[int]) ->
     ----------
     stamps : (row,) instants [ps]
     lines : (row,) their lines in the file
-
-    Raises
-    ------
-    ScenarioError
-        if an instant is not 1 ns or more after the one before
     """
     for (before, after), line in zip(itertools.pairwise(stamps), lines[1:], strict=True):
         if abs(after - before) < 1000:  # 1 ns
@@ -167,11 +136,6 @@ def usable_span_s(
     Returns
     -------
     begin, end : [s], counted as `time_s`
-
-    Raises
-    ------
-    ScenarioError
-        if nothing is left of the span
     """
     span = []
     for key, edge_s in (("START_TIME", float(time_s[0])), ("STOP_TIME", float(time_s[-1]))):

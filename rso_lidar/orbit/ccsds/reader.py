@@ -71,17 +71,7 @@ def read_table_text(path: Path) -> str:
 
 
 def _decompress(content: bytes, path: Path) -> bytes:
-    """Decompress gzip, of one or several members, to at most `files.MOST_BYTES`.
-
-    Parameters
-    ----------
-    content : of the file, which begins with the two bytes of gzip, 1f 8b
-
-    Raises
-    ------
-    ScenarioError
-        if it is damaged, or larger
-    """
+    """Decompress gzip, of one or several members, to at most `files.MOST_BYTES`, or raise `ScenarioError`."""
     pieces: list[bytes] = []
     left = files.MOST_BYTES + 1
     while content and left > 0:
@@ -107,21 +97,7 @@ def is_message(text: str) -> bool:
 
 
 def read_message(text: str, kind: str, where: str) -> CcsdsMessage:
-    """Read a message in either notation.
-
-    Parameters
-    ----------
-    text : keyword = value or XML text
-
-    Returns
-    -------
-    the message
-
-    Raises
-    ------
-    ScenarioError
-        if the text does not follow the format
-    """
+    """Read a message in keyword = value or XML notation; raise `ScenarioError` if it does not follow the format."""
     if text.lstrip().startswith("<"):
         return _check_message(read_xml(text, kind, where), kind)
     return _check_message(read_kvn(text, kind, where), kind)

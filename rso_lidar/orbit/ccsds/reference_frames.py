@@ -32,13 +32,7 @@ WRITTEN_FRAMES: dict[EarthAxes, str] = {
 
 
 def parse_frame(name: str, where: str) -> EarthAxes:
-    """Parse the name of a frame.
-
-    Raises
-    ------
-    ScenarioError
-        if the frame is unknown
-    """
+    """Parse the name of a frame, or raise `ScenarioError`."""
     plain = name.upper().replace(" ", "").replace("_", "").replace("-", "")
     for axes, names in _NAMES.items():
         if plain in names or (axes == "itrs" and _ITRF.fullmatch(plain)):
@@ -63,11 +57,6 @@ def freeze_axes(
 
 
 def warn_without_orientation(where: str, position_m: np.ndarray, cure: str) -> None:
-    """Warn that positions in ITRF are converted without polar motion and UT1 of the IERS.
-
-    Parameters
-    ----------
-    position_m : (…, 3) positions [m]
-    """
+    """Warn that positions in ITRF are converted without polar motion and UT1 of the IERS."""
     off_m = UNCERTAINTY_WITHOUT_RAD * float(np.linalg.norm(position_m, axis=-1).max(initial=0.0))
     warn_of_input(f"{where}: is in ITRF, and without polar motion and UT1 it is off by up to {off_m:.0f} m: {cure}")

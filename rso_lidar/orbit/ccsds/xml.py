@@ -25,13 +25,7 @@ class Elements(Protocol):
     """Receiver of the elements within one message, each by its local name."""
 
     def begin(self, tag: str, line: int) -> None:
-        """Take the begin of an element.
-
-        Parameters
-        ----------
-        tag : its name
-        line : its line in the file
-        """
+        """Take the begin of an element."""
         ...
 
     def end(self, tag: str, value: str, unit: str, line: int) -> None:
@@ -78,12 +72,7 @@ class _Walker:
     """Callbacks of expat. They keep the depth inside the message, and the words and unit of the open leaf."""
 
     def __init__(self, kind: str, where: str, elements: Elements) -> None:
-        """Begin outside the message.
-
-        Parameters
-        ----------
-        kind, where, elements : as for `walk_message`
-        """
+        """Begin outside the message."""
         self.kind, self.tag, self.where, self.elements = kind, kind.lower(), where, elements
         self.parser: Any = None
         self.version = ""
@@ -118,17 +107,7 @@ class _Walker:
 
 
 def read_xml(text: str, kind: str, where: str) -> CcsdsMessage:
-    """Read a message of rows in XML.
-
-    Returns
-    -------
-    the message
-
-    Raises
-    ------
-    ScenarioError
-        if the text does not follow the format; the message names the line
-    """
+    """Read a message of rows in XML; a `ScenarioError` names the line that does not follow the format."""
     rows = _RowReceiver(where)
     rows.message.version = walk_message(text, kind, where, rows)
     return rows.message
@@ -176,17 +155,7 @@ class _RowReceiver:
             self.message.header.setdefault(tag, Entry(value, line))
 
     def check_unique(self, tag: str, known: Collection[str], line: int) -> None:
-        """Check that a leaf occurs once.
-
-        Parameters
-        ----------
-        known : names that have occurred
-
-        Raises
-        ------
-        ScenarioError
-            if it has occurred before
-        """
+        """Raise `ScenarioError` if a leaf is among the names that have occurred."""
         if tag in known:
             raise ScenarioError(f"{self.where}: line {line}: {tag} is given twice; remove one")
 

@@ -27,10 +27,6 @@ def foster_probability(first: UncertainState, second: UncertainState, radius_m: 
     first, second : states at about the closest approach, in the same inertial axes
     radius_m : combined hard-body radius, the sum of both objects' [m]
 
-    Returns
-    -------
-    probability, 0 to 1
-
     Raises
     ------
     ScenarioError
@@ -47,11 +43,6 @@ def disc_probability(mean_m: np.ndarray, covariance_m2: np.ndarray, radius_m: fl
     ----------
     mean_m : (2,) mean of the vector [m]
     covariance_m2 : (2, 2) its covariance [m2]
-    radius_m : radius of the disc [m]
-
-    Returns
-    -------
-    probability, 0 to 1
 
     Raises
     ------

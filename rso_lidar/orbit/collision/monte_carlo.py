@@ -122,12 +122,7 @@ def sample_collisions(
 
 
 def choose_samples(first: UncertainState, second: UncertainState, radius_m: float) -> int:
-    """Return the number of draws that gives some 1000 hits by Foster's probability, within bounds.
-
-    Parameters
-    ----------
-    radius_m : combined hard-body radius [m]
-    """
+    """Return the number of draws that gives some 1000 hits by Foster's probability, within bounds."""
     try:
         probability = foster_probability(first, second, radius_m)
     except ScenarioError:  # Foster's plane does not exist
@@ -142,7 +137,6 @@ def _count_hits(first: np.ndarray, second: np.ndarray, radius_m: float, window_s
     Parameters
     ----------
     first, second : (draw, 6) states of both objects [m], [m/s]
-    radius_m : combined hard-body radius [m]
     window_s : time searched on each side [s]
     perigee_rad_s : angular rate at the lower perigee [rad/s]
     """
@@ -182,15 +176,7 @@ def _fly(first: np.ndarray, second: np.ndarray, time_s: np.ndarray, window_s: fl
 
 
 def _scan(first: np.ndarray, second: np.ndarray, radius_m: float, window_s: float, perigee_rad_s: float) -> int:
-    """Count the draws that collide anywhere in a long window, by cubics between nodes of two-body motion.
-
-    Parameters
-    ----------
-    first, second : (draw, 6) states of both objects
-    radius_m : combined hard-body radius [m]
-    window_s : time searched on each side [s]
-    perigee_rad_s : angular rate at the lower perigee [rad/s]
-    """
+    """Count the draws (draw, 6) that collide anywhere in a long window, by cubics between nodes of two-body motion."""
     nodes = max(math.ceil(2.0 * window_s * perigee_rad_s / _STEP_RAD), 8) + 1
     time_s = np.linspace(-window_s, window_s, nodes)
     step = float(time_s[1] - time_s[0])

@@ -147,13 +147,7 @@ def _sun_above_limb_rad(position_m: np.ndarray, at: Epochs) -> np.ndarray:
 
 
 def _check_limit(name: str, value: float, most: float) -> None:
-    """Check that a limit is above 0 and not above the most it can be.
-
-    Raises
-    ------
-    ScenarioError
-        if it is not
-    """
+    """Raise `ScenarioError` unless a limit is above 0 and not above the most it can be."""
     if not 0.0 < value <= most:
         raise ScenarioError(
             f"{name}: needs a number above 0{f' and to {most:g}' if most < math.inf else ''}, not {value!r}"

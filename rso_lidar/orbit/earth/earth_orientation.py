@@ -112,12 +112,7 @@ class EarthOrientation:
 
 @functools.lru_cache(maxsize=4)
 def _read(path: Path, _modified_ns: int, _size: int) -> EarthOrientation:
-    """Read a file, cached until it changes.
-
-    Parameters
-    ----------
-    _modified_ns, _size : modification time and size of the file, the key of the cache
-    """
+    """Read a file, cached until it changes."""
     text = files.read_text(path, files.MOST_BYTES, ScenarioError, "file of Earth orientation")
     rows: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), start=1):

@@ -16,7 +16,7 @@ _TIO_ARCSEC_PER_CENTURY = -47e-6  # IERS Conventions 2010, eq. 5.13
 
 
 def itrs_from_gcrs(epochs: Epochs, orientation: EarthOrientation | None = None) -> np.ndarray:
-    """Return rotation matrices from GCRS to Earth-fixed (ITRS, ITRF) coordinates.
+    """Return rotation matrices (time, 3, 3) from GCRS to Earth-fixed (ITRS, ITRF) coordinates.
 
     Precession (IAU 2006) and nutation (IAU 2000A) are skyfield's, as in `gcrs_from_teme`; the Earth turns by GMST 1982
     about the axis of TEME, which is the same angle as GAST about the axis of date.
@@ -29,10 +29,6 @@ def itrs_from_gcrs(epochs: Epochs, orientation: EarthOrientation | None = None) 
     ----------
     epochs : instants
     orientation : polar motion and UT1 of the IERS; if omitted, as above
-
-    Returns
-    -------
-    (time, 3, 3)
     """
     angle = _sidereal_angle_rad(epochs, orientation)
     c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
@@ -44,12 +40,7 @@ def itrs_from_gcrs(epochs: Epochs, orientation: EarthOrientation | None = None) 
 
 
 def itrs_from_gcrs_rate(epochs: Epochs, orientation: EarthOrientation | None = None) -> np.ndarray:
-    """Return the derivatives (time, 3, 3) [1/s] of `itrs_from_gcrs`, which the velocity in Earth-fixed axes needs.
-
-    Parameters
-    ----------
-    orientation : as for `itrs_from_gcrs`
-    """
+    """Return the derivatives (time, 3, 3) [1/s] of `itrs_from_gcrs`, which the velocity in Earth-fixed axes needs."""
     after, before = (
         itrs_from_gcrs(Epochs(epochs.start_utc, epochs.time_s + step_s), orientation) for step_s in (_STEP_S, -_STEP_S)
     )

@@ -136,18 +136,13 @@ class GroundStation:
 
 
 def find_ground_track(trajectory: Trajectory, epochs: Epochs, orientation: EarthOrientation | None = None) -> Geodetic:
-    """Return the geodetic coordinates of a spacecraft; those of the ground track are its latitudes and longitudes.
+    """Return the geodetic coordinates (time,) of a spacecraft; those of the ground track are its latitudes and longitudes.
 
     Parameters
     ----------
     trajectory : anything that answers `states`
     epochs : instants
     orientation : polar motion and UT1, see `itrs_from_gcrs`
-
-    Returns
-    -------
-    Geodetic
-        (time,)
 
     Examples
     --------

@@ -109,16 +109,12 @@ class Forces(Part):
         return self
 
     def acceleration(self, epochs: Epochs, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-        """Return the acceleration of states, central attraction included.
+        """Return the acceleration (time, 3) [m/s2] of states, central attraction included.
 
         Parameters
         ----------
         epochs : instants
         position_m, velocity_m_s : (time, 3) states in GCRS axes [m], [m/s]
-
-        Returns
-        -------
-        (time, 3) [m/s2]
         """
         field = self.field(epochs.start_utc)
         rows = zip(
@@ -142,12 +138,7 @@ class Forces(Part):
         pole = _find_almanac(start_utc, sun=False, moon=False)(0.0)[0]
 
         def accelerate(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            """Compute the acceleration [m/s2].
-
-            Parameters
-            ----------
-            x, y, z : components of positions [m]
-            """
+            """Compute the components of the acceleration [m/s2] from those of the position [m]."""
             square = x * x + y * y + z * z
             radius = np.sqrt(square)
             pull = -GM / (square * radius)
@@ -186,17 +177,13 @@ class Forces(Part):
         needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
 
         def acceleration(t: float, r: Vector3, v: Vector3) -> tuple[Vector3, float]:
-            """Compute the acceleration of a body.
+            """Return the acceleration [m/s2] of a body, and the magnitude of its discontinuous part [m/s2].
 
             Parameters
             ----------
             t : time since the first epoch [s]
             r : position (3) [m]
             v : velocity (3) [m/s]
-
-            Returns
-            -------
-            acceleration [m/s2], and the magnitude of its discontinuous part [m/s2]
             """
             x, y, z = r
             radius = max(math.sqrt(x * x + y * y + z * z), _CORE_M)
@@ -224,14 +211,7 @@ class Forces(Part):
 
 
 def _light_phase(sky: Almanac, time_s: float, r: Vector3) -> int:
-    """Return 2 in full sunlight, 1 in the penumbra, 0 in the umbra.
-
-    Parameters
-    ----------
-    sky : where the Sun is
-    time_s : time since the start of the run [s]
-    r : position [m]
-    """
+    """Return 2 in full sunlight, 1 in the penumbra, 0 in the umbra, at a position [m]."""
     share = float(sunlit_fraction(np.array([r]), np.array([sky(time_s)[1]]))[0])
     return 2 if share >= 1.0 else 1 if share > 0.0 else 0
 
@@ -259,10 +239,6 @@ def _zonal_acceleration(zonals: tuple[float, ...], r: Any, radius: Any, pole: Ve
     zonals : J2 and on
     r, radius : position [m] and its length; components may be arrays of one shape
     pole : unit vector along the Earth's axis
-
-    Returns
-    -------
-    the three components, numbers or arrays
     """
     s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
     ratio = units.EARTH_ZONAL_RADIUS_M / radius

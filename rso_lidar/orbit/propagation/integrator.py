@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 from threading import RLock
 from typing import Any
 
@@ -62,7 +63,7 @@ class OdeSolution:
     ) -> None:
         x0 = np.array(x0, dtype=float)
         breaks = sorted({*(at for at, _ in jumps), *breaks})
-        shared = (f, x0, panel_s, {"rtol": rtol, "atol": atol}, sorted(jumps, key=_jump_time_s), breaks, phase, name)
+        shared = (f, x0, panel_s, {"rtol": rtol, "atol": atol}, sorted(jumps, key=itemgetter(0)), breaks, phase, name)
         self._ways = {way: _Direction(way, *shared) for way in (1, -1)}
         self._n = len(x0)
         self._lock = RLock()
@@ -77,10 +78,6 @@ class OdeSolution:
                 if len(rows):
                     values[rows] = self._ways[way].at(times[rows], times)
         return values
-
-
-def _jump_time_s(jump: Jump) -> float:
-    return jump[0]
 
 
 class _Direction:
@@ -103,7 +100,6 @@ class _Direction:
         Parameters
         ----------
         way : 1 forward, -1 backward
-        f, x0, panel_s, jumps, breaks, phase, name : as for `OdeSolution`
         tolerances : relative and absolute tolerance of DOP853
         """
         self._way, self._f, self._panel_s, self._tolerances, self._name = way, f, panel_s, tolerances, name

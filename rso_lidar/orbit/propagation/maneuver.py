@@ -161,12 +161,7 @@ class Burn(Part):
         return rotate_to_inertial((x * scale, y * scale, z * scale), self.axes, r, v)
 
     def _throttle(self, since_s: float) -> tuple[float, float]:
-        """Return the share of full thrust, and the time at full thrust [s] that gives the impulse so far.
-
-        Parameters
-        ----------
-        since_s : time since the start of the burn, from 0 to its duration [s]
-        """
+        """Return the share of full thrust, and the time at full thrust [s] that gives the impulse so far."""
         left_s = self.duration_s - since_s
         if since_s < self.rise_s:
             share = since_s / self.rise_s

@@ -117,15 +117,11 @@ class Numerical(Part):
         return BodyState(rows[:, :3], rows[:, 3:])
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants at which velocity or acceleration is discontinuous: impulses, and begin and end of burns.
+        """Return the times [s] since `start_utc` at which velocity or acceleration jumps: impulses, and ends of burns.
 
         Parameters
         ----------
         epochs : not used; maneuvers count from `start_utc`
-
-        Returns
-        -------
-        times since `start_utc` [s]
         """
         return np.array([time_s for maneuver in self.maneuvers for time_s in maneuver.edges_s])
 
@@ -321,13 +317,7 @@ _integrated_orbit = functools.lru_cache(maxsize=64)(IntegratedOrbit)
 
 
 def _set_entry(entry: int, value: float, state: np.ndarray) -> np.ndarray:
-    """Return a copy of a state with one entry replaced.
-
-    Parameters
-    ----------
-    entry : index of the entry
-    state : (n,) the state
-    """
+    """Return a copy of a state (n,) with one entry replaced."""
     after = np.array(state)
     after[entry] = value
     return after

@@ -125,12 +125,7 @@ def screen_pairs(
 
 
 def _add_bounds(bounds: OrbitBounds, number: int, others: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Add the bounds of one set to those of others, as `find_near_cells` needs them.
-
-    Parameters
-    ----------
-    number, others : numbers of the sets
-    """
+    """Add the bounds of one set to those of others, as `find_near_cells` needs them."""
     speed, fourth, off = bounds.speed_m_s, bounds.fourth_m_s4, bounds.off_m
     return speed[number] + speed[others], fourth[number] + fourth[others], off[number] + off[others]
 
@@ -171,13 +166,7 @@ class _OneObject:
 def _select_partners(
     number: int, flights: ScheduledFleet, span_s: np.ndarray, bounds: OrbitBounds, within_m: float
 ) -> np.ndarray:
-    """Return the later sets of other objects that apply at the same time as a set, in shells that come near its own.
-
-    Parameters
-    ----------
-    span_s : (set, 2) when each set applies [s since the start]
-    within_m : limit of range [m]
-    """
+    """Return the later sets of other objects that apply when a set does, `span_s` (set, 2), in shells near its own."""
     after = np.arange(number + 1, len(span_s))
     begin_s, end_s = np.maximum(span_s[after, 0], span_s[number, 0]), np.minimum(span_s[after, 1], span_s[number, 1])
     at_an_end = (begin_s <= 0.0) | (end_s >= flights.duration_s)

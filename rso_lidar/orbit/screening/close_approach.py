@@ -149,7 +149,6 @@ def refine_approaches(
     Parameters
     ----------
     cells : (cell, 2) number of the set, and of the sub-interval
-    within_m : limit of range [m]
 
     Returns
     -------
@@ -242,13 +241,7 @@ def join_approaches(pieces: Sequence[CloseApproach], lead: InTeme, flights: Sche
 
 
 def _ranges_m(lead: InTeme, flights: ScheduledFleet, which: int, time_s: tuple[float, ...]) -> list[float]:
-    """Return the ranges [m] of an object at some instants.
-
-    Parameters
-    ----------
-    which : number of the object
-    time_s : instants [s since the start]
-    """
+    """Return the ranges [m] of an object at some instants."""
     times = np.array(time_s)
     apart = flights.at(np.full(len(times), which), times)[0] - lead.at(np.zeros(len(times), dtype=int), times)[0]
     ranges: list[float] = np.sqrt(np.einsum("ti,ti->t", apart, apart)).tolist()
@@ -256,17 +249,7 @@ def _ranges_m(lead: InTeme, flights: ScheduledFleet, which: int, time_s: tuple[f
 
 
 def _merge(before: CloseApproach, after: CloseApproach, end_m: float, begin_m: float) -> CloseApproach:
-    """Merge two close approaches into one.
-
-    Parameters
-    ----------
-    before, after : close approaches that follow one another
-    end_m, begin_m : ranges on both sides of the jump between them [m]
-
-    Returns
-    -------
-    one close approach from the begin of the first to the end of the second
-    """
+    """Merge two close approaches into one, by the ranges on both sides of the jump between them [m]."""
     kept_before = (before.minima_s < before.leave_s) | (end_m <= begin_m)
     kept_after = (after.minima_s > after.enter_s) | (begin_m < end_m)
     return replace(
@@ -279,12 +262,7 @@ def _merge(before: CloseApproach, after: CloseApproach, end_m: float, begin_m: f
 
 
 def _mark_jumps(approach: CloseApproach, lead: InTeme, flights: ScheduledFleet) -> CloseApproach:
-    """Mark a close approach as entered or left where the object jumps in or out.
-
-    Returns
-    -------
-    the same close approach, marked
-    """
+    """Mark a close approach as entered or left where the object jumps in or out."""
     beside_s = (approach.enter_s - 1.5 * SWITCH_S, approach.leave_s + 1.5 * SWITCH_S)
     if (approach.entered or beside_s[0] < 0.0) and (approach.left or beside_s[1] > flights.duration_s):
         return approach
@@ -297,16 +275,7 @@ def _mark_jumps(approach: CloseApproach, lead: InTeme, flights: ScheduledFleet) 
 
 
 def _sample(pair: RelativePositions, cells: np.ndarray, times: SubIntervals) -> _Nodes:
-    """Sample the ends of the sub-intervals and of those beside them, both ends of the span included.
-
-    Parameters
-    ----------
-    cells : (cell, 2) number of the set, and of the sub-interval
-
-    Returns
-    -------
-    nodes (node,) in the order of sets and times
-    """
+    """Sample the ends of sub-intervals (set, number) and of those beside them, both ends of the span included."""
     span_s, begin_s = pair.span_s[cells[:, 0]], times.begin_s + times.sub_s * cells[:, 1]
     cells = cells[(begin_s + times.sub_s >= span_s[:, 0]) & (begin_s <= span_s[:, 1])]
     width = times.last + 1
@@ -326,16 +295,7 @@ def _sample(pair: RelativePositions, cells: np.ndarray, times: SubIntervals) -> 
 
 
 def _add_dips(pair: RelativePositions, nodes: _Nodes, sub_s: float) -> _Nodes:
-    """Add nodes where the range rate turns back near zero, because it may cross zero twice there.
-
-    Parameters
-    ----------
-    sub_s : length of a sub-interval [s]
-
-    Returns
-    -------
-    the nodes with those added
-    """
+    """Add nodes where the range rate turns back near zero, because it may cross zero twice there."""
     if len(nodes.time_s) < 3:
         return nodes
     before, rate, after = nodes.closing[:-2], nodes.closing[1:-1], nodes.closing[2:]
@@ -361,17 +321,13 @@ def _add_dips(pair: RelativePositions, nodes: _Nodes, sub_s: float) -> _Nodes:
 def _find_roots(
     f: Callable[[np.ndarray, np.ndarray], np.ndarray], nodes: _Nodes, left: np.ndarray, value: np.ndarray
 ) -> np.ndarray:
-    """Find the roots of f(which, time) between nodes, to 0.1 ms (regula falsi, Illinois variant).
+    """Find the roots (root,) [s] of f(which, time) between nodes, to 0.1 ms (regula falsi, Illinois variant).
 
     Parameters
     ----------
     f : function of number (pair,) and time (pair,) [s] that returns (pair,)
     left : (root,) nodes before each root
     value : (node,) values of f
-
-    Returns
-    -------
-    (root,) instants [s]
     """
     which = nodes.which[left]
     a, b, fa, fb = nodes.time_s[left], nodes.time_s[left + 1], value[left], value[left + 1]

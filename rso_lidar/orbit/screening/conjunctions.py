@@ -134,15 +134,8 @@ def _screen_one_set(
 
     Parameters
     ----------
-    lead_number : number of its set
-    within_m : limit of range [m]
-    step_s : step of the coarse grid [s]
     near : (object,) whose shells overlap; added to
     rejected : instant and error code by number of the set; added to
-
-    Returns
-    -------
-    close approaches of all objects while the set applies
 
     Raises
     ------
@@ -221,7 +214,6 @@ def _find_cells(
     instants : (time,) coarse grid [s]
     lead : position and velocity (time, 3) of the follower
     there : speeds [m/s], fourth derivatives [m/s4] and further errors of the cubic [m] of the sets
-    within_m : limit of range [m]
 
     Returns
     -------
@@ -257,10 +249,8 @@ def find_near_cells(
     Parameters
     ----------
     position_m, velocity_m_s : (row, time, 3) relative states [m], [m/s]
-    step_s : step of the grid [s]
     flies : (row, interval) whether an interval counts
     bounds : (row,) sums of both greatest speeds [m/s], of both fourth derivatives [m/s4] and of both further errors [m]
-    within_m : limit of range [m]
 
     Returns
     -------
@@ -298,7 +288,6 @@ def _hull_inside(ends: Sequence[np.ndarray], step_s: float, limit: np.ndarray) -
     Parameters
     ----------
     ends : position and velocity at the begin and at the end, each (n, 3)
-    step_s : time between them [s]
     limit : (n,) [m]
 
     Returns

@@ -76,13 +76,8 @@ class MixedFleet:
 
         Parameters
         ----------
-        which : number of the set or piece
         since_s : instant [s since the start]
         error : SGP4's code, or `NO_STATE`
-
-        Returns
-        -------
-        its label, and the reason with its instant
         """
         if self._is_piece[which]:
             return self.sets[which].label, f"has no state at {format_utc(self.start_utc, since_s)}"

@@ -101,16 +101,12 @@ def _group_by_span(span_s: np.ndarray) -> list[np.ndarray]:
 
 
 def _propagate_sets(fleet: Fleet | MixedFleet, sets: np.ndarray, instants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Propagate element sets, each to its own instants.
+    """Propagate element sets, each to its own instants: position [m] and velocity [m/s] (set, time, 3) in TEME axes.
 
     Parameters
     ----------
     sets : (set,) numbers of the sets
     instants : (set, time) [s since the start]
-
-    Returns
-    -------
-    position [m] and velocity [m/s], each (set, time, 3), in TEME axes
     """
     if (instants == instants[0]).all():
         return fleet.grid(sets, instants[0])[:2]

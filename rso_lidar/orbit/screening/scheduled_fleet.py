@@ -116,16 +116,12 @@ class ScheduledFleet:
         return number
 
     def at(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return states of objects in TEME axes, each at its own instant.
+        """Return states (pair, 3) of objects in TEME axes, each at its own instant [m], [m/s]; NaN where there is no state.
 
         Parameters
         ----------
         which : (pair,) numbers of the objects
         time_s : (pair,) instants [s since the start]
-
-        Returns
-        -------
-        position_m, velocity_m_s : (pair, 3) [m], [m/s]; NaN where there is no state
         """
         number = self.number(which, time_s)
         position, velocity = self.fleet.at(number, time_s)
@@ -144,17 +140,7 @@ class ScheduledFleet:
         return self.fleet.sets[int(self.number(np.array([which]), np.array([time_s]))[0])]
 
     def switches(self, which: int, from_s: float, to_s: float) -> int:
-        """Count the switches of an object between its sets from one instant to another.
-
-        Parameters
-        ----------
-        which : number of the object
-        from_s, to_s : instants [s since the start]
-
-        Returns
-        -------
-        number of switches, negative if `to_s` is before `from_s`, and 0 for a trajectory
-        """
+        """Count the switches of an object between its sets; negative if `to_s` is before `from_s`, 0 for a trajectory."""
         if self._is_flown[which]:
             return 0
         return int(np.diff(self.number(np.array([which, which]), np.array([from_s, to_s])))[0])
@@ -188,16 +174,7 @@ def check_object(entry: Any, name: str) -> None:
 
 
 def _schedule(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> list[tuple[float, ElementSet]]:
-    """Select the sets of one object that apply within a span; of equal epochs the first.
-
-    Parameters
-    ----------
-    duration_s : length of the span [s]
-
-    Returns
-    -------
-    list of (begin_s, element set)
-    """
+    """Select the sets of one object that apply within a span, each with its begin [s]; of equal epochs the first."""
     distinct = {(entry.epoch_utc, entry.epoch_rest_ns): entry for entry in reversed(sets)}
     ordered = [distinct[epoch] for epoch in sorted(distinct)]
     epoch_s = np.array([-float(start.since(entry.epoch_utc)[0]) for entry in ordered])

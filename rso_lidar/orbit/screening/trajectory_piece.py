@@ -119,12 +119,7 @@ class TrajectoryPiece:
     beyond_s: float
 
     def states(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in TEME axes, NaN beyond the continuation.
-
-        Parameters
-        ----------
-        time_s : (time,) instants [s since the start]
-        """
+        """Return position [m] and velocity [m/s] (time, 3) in TEME axes at times since the start, or NaN beyond."""
         position, velocity = np.full((len(time_s), 3), np.nan), np.full((len(time_s), 3), np.nan)
         inside = np.flatnonzero((time_s >= self.from_s) & (time_s <= self.to_s))
         if len(inside):
@@ -141,12 +136,7 @@ class TrajectoryPiece:
         return position, velocity
 
     def measure_bounds(self, step_s: float) -> PieceBounds:
-        """Measure the bounds of the piece.
-
-        Parameters
-        ----------
-        step_s : greatest step of the coarse grid [s]
-        """
+        """Measure the bounds of the piece."""
         sub_s = step_s / CUT
         last = int(np.ceil((self.to_s - self.from_s) / sub_s)) + CUT
         low, high, fastest, off = np.inf, 0.0, 0.0, 0.0
@@ -171,11 +161,6 @@ def find_pieces(
     entry: Trajectory, number: int, start_utc: datetime.datetime, duration_s: float, step_s: float
 ) -> tuple[list[TrajectoryPiece], list[str]]:
     """Cut a trajectory into smooth pieces over a span.
-
-    Parameters
-    ----------
-    duration_s : length of the span [s]
-    step_s : greatest step of the coarse grid [s]
 
     Returns
     -------
@@ -216,13 +201,7 @@ def find_pieces(
 def sample_states(
     entry: Trajectory, start_utc: datetime.datetime, time_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """Return position [m] and velocity [m/s] (time, 3) in GCRS axes, NaN without a state, and the reason.
-
-    Parameters
-    ----------
-    start_utc : instant from which seconds are counted
-    time_s : (time,) instants [s]
-    """
+    """Return position [m] and velocity [m/s] (time, 3) in GCRS axes, NaN without a state, and the reason."""
     position, velocity = np.full((len(time_s), 3), np.nan), np.full((len(time_s), 3), np.nan)
     good, why = np.ones(len(time_s), dtype=bool), ""
     for _ in range(2):  # a trajectory without a state at some epochs is asked again for the others
@@ -252,14 +231,7 @@ def sample_states(
 def _find_runs(
     entry: Trajectory, start_utc: datetime.datetime, first_s: float, last_s: float, sub_s: float
 ) -> tuple[list[tuple[float, float]], list[str]]:
-    """Find the spans with states between two breaks, each to 0.1 ms, and reasons for what is missing.
-
-    Parameters
-    ----------
-    start_utc : instant from which seconds are counted
-    first_s, last_s : the span [s]
-    sub_s : step of the samples [s]
-    """
+    """Find the spans with states between two breaks, each to 0.1 ms, and reasons for what is missing."""
     time_s = np.linspace(first_s, last_s, max(int(np.ceil((last_s - first_s) / sub_s)), 1) + 1)
     known, reasons = np.empty(0, dtype=bool), []
     for begin in range(0, len(time_s), _AT_ONCE):
@@ -279,13 +251,7 @@ def _find_runs(
 
 
 def _bisect(entry: Trajectory, start_utc: datetime.datetime, known_s: float, unknown_s: float) -> float:
-    """Return the last instant [s] with a state between one with and one without, to 0.1 ms.
-
-    Parameters
-    ----------
-    start_utc : instant from which seconds are counted
-    known_s, unknown_s : the two instants [s]
-    """
+    """Return the last instant [s] with a state between one with and one without, to 0.1 ms."""
     while abs(unknown_s - known_s) > SWITCH_S:
         middle = 0.5 * (known_s + unknown_s)
         if np.isfinite(sample_states(entry, start_utc, np.array([middle]))[0][0, 0]):
@@ -298,12 +264,7 @@ def _bisect(entry: Trajectory, start_utc: datetime.datetime, known_s: float, unk
 def _describe_gaps(
     pieces: Sequence[TrajectoryPiece], start_utc: datetime.datetime, duration_s: float, reasons: Sequence[str]
 ) -> list[str]:
-    """Describe the parts of a span without a state.
-
-    Parameters
-    ----------
-    duration_s : length of the span [s]
-    """
+    """Describe the parts of a span without a state."""
     if not pieces:
         return [f"has no state in the span ({reasons[0] if reasons else 'its states are not finite'})"]
     ends = [0.0, *(second for piece in pieces for second in (piece.from_s, piece.to_s)), duration_s]
@@ -323,13 +284,7 @@ def _continue_freely(end: np.ndarray, dt_s: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _measure_cubic(position_m: np.ndarray, velocity_m_s: np.ndarray, sub_s: float) -> float:
-    """Return the greatest error [m] of cubics through states one coarse step apart, at the samples between them.
-
-    Parameters
-    ----------
-    position_m, velocity_m_s : (time, 3) samples [m], [m/s]
-    sub_s : time between them [s]
-    """
+    """Return the greatest error [m] of cubics through states (time, 3) a coarse step apart, at samples between them."""
     if len(position_m) <= CUT:
         return 0.0
     p0, v0, p1, v1 = position_m[:-CUT], velocity_m_s[:-CUT], position_m[CUT:], velocity_m_s[CUT:]

@@ -95,10 +95,6 @@ class Catalog:
         Parameters
         ----------
         junk : one line for each part of the text that is not a record
-
-        Returns
-        -------
-        the catalogue
         """
         kept: dict[tuple[object, ...], ElementSet] = {}
         problems: list[str] = []

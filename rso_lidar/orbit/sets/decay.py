@@ -99,7 +99,6 @@ class DecayTimes:
 
         Parameters
         ----------
-        which : number of the set
         since_s : the instant [s since its epoch], for which `mark` was called
         """
         side = int(since_s >= 0.0)

@@ -221,10 +221,6 @@ class ElementSet:
 def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | None = None) -> ElementSet:
     """Make the element set of an OMM's fields.
 
-    Parameters
-    ----------
-    problem : a problem that is already known
-
     Returns
     -------
     ElementSet

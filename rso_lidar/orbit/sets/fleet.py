@@ -146,10 +146,6 @@ def _mask_failures(
     ----------
     position_km, velocity_km_s : (…, 3) states of SGP4 [km], [km/s]
     error : (…) error codes
-
-    Returns
-    -------
-    position [m] and velocity [m/s], each (…, 3)
     """
     position, velocity = position_km * units.KM, velocity_km_s * units.KM
     bad = find_failures(position, velocity, error)

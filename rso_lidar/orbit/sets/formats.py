@@ -55,10 +55,6 @@ def read_object(path: Path, where: str, name: str | None, norad_id: int | None) 
     name : name of the object, in any case; None for any
     norad_id : catalogue number of the object; None for any
 
-    Returns
-    -------
-    element sets of the object, in the order of the file
-
     Raises
     ------
     CatalogError
@@ -72,17 +68,7 @@ def read_object(path: Path, where: str, name: str | None, norad_id: int | None) 
 def _object(
     path: Path, _modified_ns: int, _size: int, where: str, name: str | None, norad_id: int | None
 ) -> tuple[ElementSet, ...]:
-    """Read the sets of one object, cached until the file changes.
-
-    Parameters
-    ----------
-    name, norad_id : as for `read_object`
-    _modified_ns, _size : modification time and size of the file, the key of the cache
-
-    Returns
-    -------
-    element sets of the object
-    """
+    """Read the sets of one object, cached until the file changes."""
     return tuple(select_object(read_file(path)[0], where, name, norad_id))
 
 
@@ -104,15 +90,7 @@ def read_file(path: Path) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
 
 @functools.lru_cache(maxsize=16)
 def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
-    """Read the sets of a file, cached until the file changes.
-
-    Parameters
-    ----------
-    _modified_ns, _size : modification time and size of the file, the key of the cache
-
-    Returns
-    -------
-    element sets, and one line for each part of the file that is not a record
+    """Read the sets of a file, and a line for each part of it that is not a record; cached until the file changes.
 
     Raises
     ------

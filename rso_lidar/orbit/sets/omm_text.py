@@ -159,16 +159,7 @@ def _check_header(place: str, header: list[str]) -> None:
 
 
 def _make_broken(place: str, what: str, fields: dict[str, str] | None = None) -> ElementSet:
-    """Make a bad element set that states its problem.
-
-    Parameters
-    ----------
-    fields : what could be read of it; None for nothing
-
-    Returns
-    -------
-    element set with `problem`, and with name and number if they could be read
-    """
+    """Make a bad element set that states its problem, and the fields that could be read."""
     fields = fields or {}
     number = fields.get("NORAD_CAT_ID", "").strip()
     identity = int(number) if number.isascii() and number.isdigit() and len(number) < 10 else 0
@@ -204,12 +195,7 @@ def _find_messages(root: Any) -> list[list[Any]]:
 
 
 def _salvage_xml(text: str, where: str, error: str) -> Found:
-    """Read the intact messages of damaged XML.
-
-    Returns
-    -------
-    element sets, and one line for each damaged part
-    """
+    """Read the intact messages of damaged XML, and a line for each damaged part."""
     import xml.etree.ElementTree as ET
 
     sets: list[ElementSet] = []

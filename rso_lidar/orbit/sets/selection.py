@@ -69,10 +69,6 @@ def select_set(
     norad_id : catalogue number of the object; None for any
     near_utc : instant; the set with the nearest epoch is selected. None for the newest set
 
-    Returns
-    -------
-    the set, without a problem
-
     Raises
     ------
     CatalogError

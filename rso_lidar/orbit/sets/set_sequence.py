@@ -90,15 +90,11 @@ class SetSequence:
         return number
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants at which it switches between sets.
+        """Return the instants at which it switches between sets, as times since the `start_utc` of `epochs` [s].
 
         Parameters
         ----------
         epochs : instants
-
-        Returns
-        -------
-        times since the `start_utc` of `epochs` [s]
         """
         after: np.ndarray = self._switch_s - float(
             Epochs(epochs.start_utc, np.zeros(1)).since(self.sets[0].epoch_utc)[0]
@@ -131,15 +127,11 @@ class SetSequence:
         return SetJump(when, *sizes)
 
     def ages_days(self, epochs: Epochs) -> np.ndarray:
-        """Return the time between each epoch and the epoch of the set that applies.
+        """Return the time (time,) between each epoch and the epoch of the set that applies [day], never negative.
 
         Parameters
         ----------
         epochs : instants
-
-        Returns
-        -------
-        (time,) [day], never negative
         """
         nearest_s = self._since_first_s[self.which(epochs)]
         age: np.ndarray = np.abs(epochs.since(self.sets[0].epoch_utc) - nearest_s) / units.DAY_S
@@ -183,7 +175,4 @@ def warn_jumps(label: str, jumps: Sequence[SetJump]) -> None:
     )
 
 
-@functools.lru_cache(maxsize=64)
-def make_sequence(sets: tuple[ElementSet, ...]) -> SetSequence:
-    """Make the trajectory of some sets, cached for the same sets."""
-    return SetSequence(sets)
+make_sequence = functools.lru_cache(maxsize=64)(SetSequence)  # the trajectory of some sets

@@ -310,15 +310,11 @@ class Tle(Part):
         return self.trajectory(epochs.start_utc).jumps(epochs)
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants at which it switches between sets.
+        """Return the instants at which it switches between sets, as times since the `start_utc` of `epochs` [s].
 
         Parameters
         ----------
         epochs : instants
-
-        Returns
-        -------
-        times since the `start_utc` of `epochs` [s]
         """
         return self.trajectory(epochs.start_utc).breaks_s(epochs)
 
@@ -347,12 +343,7 @@ class Tle(Part):
 
 
 def _summarize(kind: str, elements: ElementSet, age_days: float) -> str:
-    """Return a motion by SGP4 in a few words.
-
-    Parameters
-    ----------
-    age_days : age of the elements at the start [day]
-    """
+    """Return a motion by SGP4 in a few words."""
     return f"{kind} {elements.norad_id} {elements.name}, {age_days:.1f} days from epoch"
 
 

@@ -87,16 +87,12 @@ def warn_stale(elements: ElementSet, days: float) -> None:
 
 
 def find_failures(position_m: np.ndarray, velocity_m_s: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Find the epochs at which SGP4 gives no state, or an impossible one.
+    """Find the epochs (…) at which SGP4 gives no state, or an impossible one.
 
     Parameters
     ----------
     position_m, velocity_m_s : (…, 3) states in TEME axes [m], [m/s]
     error : (…) error codes
-
-    Returns
-    -------
-    (…) mask
     """
     bad: np.ndarray = (error != 0) | ~np.isfinite(position_m).all(axis=-1) | ~np.isfinite(velocity_m_s).all(axis=-1)
     radius_m = np.linalg.norm(position_m, axis=-1)
@@ -114,13 +110,8 @@ def describe_failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, erro
 
     Parameters
     ----------
-    epochs : instants (time)
     bad : (time,) mask of failures
     error : (time,) error codes
-
-    Returns
-    -------
-    one sentence that says what to do
     """
     first = int(np.argmax(bad))
     code = int(error[first])
@@ -172,14 +163,10 @@ def propagate_in_teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray,
 
 
 def gcrs_from_teme(at: Epochs) -> np.ndarray:
-    """Return the rotation matrices that take TEME coordinates to GCRS coordinates.
+    """Return the rotation matrices (time, 3, 3) that take TEME coordinates to GCRS coordinates.
 
     Parameters
     ----------
     at : instants
-
-    Returns
-    -------
-    (time, 3, 3)
     """
     return gcrs_from_axes_of_date("teme", at)

@@ -73,16 +73,7 @@ def identify_element_line(line: str) -> str | None:
 
 
 def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tuple[ElementSet, int]:
-    """Read the element set that begins with an element line.
-
-    Parameters
-    ----------
-    at : index of the element line in `lines`
-
-    Returns
-    -------
-    the element set, and the index after it
-    """
+    """Read the element set that begins with an element line, and return it with the index after it."""
     number, line = lines[at][0], lines[at][1].strip()
     after = (lines[at + 1][0], lines[at + 1][1].strip()) if at + 1 < len(lines) else None
     place = f"{where}: line {number}"
@@ -183,17 +174,7 @@ def parse_object_id(field: str) -> str:
 
 
 def _find_problem(line1: str, number1: int, line2: str, number2: int, where: str) -> str | None:
-    """Find what is wrong with an element set.
-
-    Parameters
-    ----------
-    line1, number1 : line 1 and its number in the file
-    line2, number2 : line 2 and its number in the file
-
-    Returns
-    -------
-    the problem with file and line, or None
-    """
+    """Find what is wrong with an element set: the problem with file and line, or None."""
     for which, line, number in ((1, line1, number1), (2, line2, number2)):
         wrong = _find_line_problem(which, line)
         if wrong:

@@ -18,25 +18,22 @@ DateAxes = Literal["mod", "tod", "teme"]
 
 
 def gcrs_from_axes_of_date(axes: DateAxes, at: Epochs) -> np.ndarray:
-    """Return the rotation matrices that take coordinates in axes of date to GCRS coordinates.
+    """Return the rotation matrices (time, 3, 3) that take coordinates in axes of date to GCRS coordinates.
 
     Parameters
     ----------
     axes : "mod" (mean equator and equinox), "tod" (true equator and equinox) or "teme" (true equator, mean equinox)
-
-    Returns
-    -------
-    (time, 3, 3)
     """
     whole, fraction = at.tt_julian()
     in_hours = fraction * 24.0
     hours = np.floor(in_hours)
     first = ((whole - J2000_TT_JD) * 24.0 + hours).astype(np.int64) - 1  # first of the four hours around an epoch
     wanted, row = np.unique(first, return_inverse=True)
-    nodes = np.array([[_hour_matrix(axes, int(hour) + k) for hour in wanted] for k in range(4)]).reshape(4, -1, 3, 3)
+    around = np.add.outer(range(4), wanted).ravel().tolist()
+    nodes = np.array([_day_of_matrices(axes, hour // 24)[hour % 24] for hour in around]).reshape(4, -1, 3, 3)
     total = np.zeros((len(at), 3, 3))
-    for around, weight in zip(nodes, _lagrange(in_hours - hours), strict=True):
-        total += weight[:, None, None] * around[row]
+    for node, weight in zip(nodes, _lagrange(in_hours - hours), strict=True):
+        total += weight[:, None, None] * node[row]
     return total
 
 
@@ -44,12 +41,6 @@ def _lagrange(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     """Return the weights of values at -1, 0, 1, 2 for the cubic through them, at u in [0, 1]."""
     a, b, c, d = u + 1.0, u, u - 1.0, u - 2.0
     return -b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0
-
-
-def _hour_matrix(axes: DateAxes, hour: int) -> np.ndarray:
-    """Return gcrs_from_axes (3, 3) at a whole hour TT since J2000.0."""
-    matrix: np.ndarray = _day_of_matrices(axes, hour // 24)[hour % 24]
-    return matrix
 
 
 @functools.lru_cache(maxsize=4096)

@@ -71,16 +71,7 @@ def find_minimum(value: Callable[[np.ndarray], np.ndarray], start_s: float, end_
 def _find_dips(
     value: Callable[[np.ndarray], np.ndarray], time_s: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Follow the dips of a scan that may reach below zero between its instants to their bottoms.
-
-    Parameters
-    ----------
-    time_s, values : (time,) the scan
-
-    Returns
-    -------
-    instants and values of the bottoms
-    """
+    """Follow the dips of a scan that may reach below zero between its instants to their bottoms: instants and values."""
     before = np.concatenate([[np.inf], values[:-1]])
     after = np.concatenate([values[1:], [np.inf]])
     # between its instants a round dip is deeper by a quarter of its rise beside them, a sharp one by half; the ends are open
@@ -100,10 +91,6 @@ def _narrow_to_minimum(
     ----------
     value : function of instants (time,) [s] with values (time,)
     low, high : (bracket,) ends [s]
-
-    Returns
-    -------
-    instants (bracket,) [s], and the values there
     """
     steps = np.arange(_PARTS + 1) / _PARTS
     while True:
@@ -123,10 +110,6 @@ def _find_crossings(value: Callable[[np.ndarray], np.ndarray], low: np.ndarray, 
     ----------
     value : function of instants (time,) [s] with values (time,)
     low, high : (bracket,) ends [s], at which its signs differ
-
-    Returns
-    -------
-    instants (bracket,) [s]
     """
     steps = np.arange(_PARTS + 1) / _PARTS
     while len(low) and np.max(high - low) > _WITHIN_S:

@@ -14,15 +14,11 @@ from rso_lidar.records import BodyState
 
 
 def angle_rad(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the angle between vectors, accurate to rounding near 0 and pi too.
+    """Return the angle (…) [rad] between vectors, accurate to rounding near 0 and pi too.
 
     Parameters
     ----------
     a, b : (…, 3) vectors of any length in common axes
-
-    Returns
-    -------
-    (…) [rad]
     """
     across = np.cross(a, b)
     angle: np.ndarray = np.arctan2(np.sqrt(np.sum(across * across, axis=-1)), np.sum(a * b, axis=-1))
@@ -30,16 +26,12 @@ def angle_rad(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def beta_angle_rad(state: BodyState, sun_m: np.ndarray) -> np.ndarray:
-    """Return the beta angle: the Sun's elevation above the plane of the osculating orbit.
+    """Return the beta angle (time,) [rad]: the Sun's elevation above the osculating orbit's plane, positive toward r x v.
 
     Parameters
     ----------
     state : states (time, 3)
     sun_m : (time, 3) position of the Sun [m]
-
-    Returns
-    -------
-    (time,) [rad], positive on the side of r x v
     """
     normal = np.cross(state.position_m, state.velocity_m_s)
     beta: np.ndarray = 0.5 * np.pi - angle_rad(normal, sun_m)
@@ -47,30 +39,22 @@ def beta_angle_rad(state: BodyState, sun_m: np.ndarray) -> np.ndarray:
 
 
 def phase_angle_rad(target_m: np.ndarray, observer_m: np.ndarray, sun_m: np.ndarray) -> np.ndarray:
-    """Return the phase angle at a target, between the Sun and an observer.
+    """Return the phase angle (time,) [rad] at a target, between the Sun and an observer: 0 with the Sun behind the observer.
 
     Parameters
     ----------
     target_m, observer_m, sun_m : (time, 3) positions in common axes [m]
-
-    Returns
-    -------
-    (time,) [rad], 0 where the Sun is behind the observer
     """
     return angle_rad(sun_m - target_m, observer_m - target_m)
 
 
 def earth_angular_radius_rad(position_m: np.ndarray, radius_m: float = units.EARTH_RADIUS_M) -> np.ndarray:
-    """Return the angular radius of the Earth's disk, or of another sphere.
+    """Return the angular radius (time,) [rad] of the Earth's disk, or of another sphere; NaN below its surface.
 
     Parameters
     ----------
     position_m : (time, 3) position of the observer from the centre [m]
     radius_m : of the sphere, by default the Earth's [m]
-
-    Returns
-    -------
-    (time,) [rad], pi / 2 on the surface, NaN below it
     """
     distance = np.sqrt(np.sum(position_m * position_m, axis=-1))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -79,32 +63,24 @@ def earth_angular_radius_rad(position_m: np.ndarray, radius_m: float = units.EAR
 
 
 def earth_limb_angle_rad(boresight: np.ndarray, position_m: np.ndarray) -> np.ndarray:
-    """Return the angle from a boresight to the Earth's limb.
+    """Return the angle (time,) [rad] from a boresight to the Earth's limb, negative where the disk covers the boresight.
 
     Parameters
     ----------
     boresight : (time, 3) direction in root axes, of any length
     position_m : (time, 3) position of the observer [m]
-
-    Returns
-    -------
-    (time,) [rad], negative where the disk covers the boresight
     """
     angle: np.ndarray = angle_rad(boresight, -position_m) - earth_angular_radius_rad(position_m)
     return angle
 
 
 def line_altitude_m(a_m: np.ndarray, b_m: np.ndarray, radius_m: float = units.EARTH_RADIUS_M) -> np.ndarray:
-    """Return the lowest altitude of the straight line from a to b over the Earth, or over another sphere.
+    """Return the lowest altitude (time,) [m] of the line from a to b over the Earth or another sphere; negative if blocked.
 
     Parameters
     ----------
     a_m, b_m : (time, 3) positions from the centre [m]
     radius_m : of the sphere, by default the Earth's [m]
-
-    Returns
-    -------
-    (time,) [m], negative where the sphere blocks the line
     """
     line = b_m - a_m
     length2 = np.sum(line * line, axis=-1)

@@ -57,7 +57,7 @@ class JplEphemeris:
             return tuple(sorted(names[-1].lower() for code, names in kernel.names().items() if code != 0))
 
     def position_m(self, body: str, epochs: Epochs, *, light_time: bool = True) -> np.ndarray:
-        """Return the position of a body from the Earth's centre.
+        """Return the position (time, 3) [m] of a body from the Earth's centre, in GCRS axes.
 
         Parameters
         ----------
@@ -65,10 +65,6 @@ class JplEphemeris:
         epochs : instants
         light_time : whether the position is the apparent one, as of the light that arrives: that of `sun_position_m` and
             `moon_position_m`. Without it, the position is the geometric one
-
-        Returns
-        -------
-        (time, 3) [m] in GCRS axes
 
         Raises
         ------
@@ -85,17 +81,12 @@ class JplEphemeris:
         return place
 
     def states(self, body: str, epochs: Epochs) -> BodyState:
-        """Return the geometric position and velocity of a body relative to the Earth's centre.
+        """Return the geometric states (time, 3) [m], [m/s] of a body relative to the Earth's centre, in GCRS axes.
 
         Parameters
         ----------
         body : name of the body, such as "moon"
         epochs : instants
-
-        Returns
-        -------
-        BodyState
-            (time, 3) [m], [m/s] in GCRS axes
 
         Raises
         ------

@@ -44,15 +44,11 @@ _BLOCK = 4096  # epochs at a time
 
 
 def moon_position_m(epochs: Epochs) -> np.ndarray:
-    """Return the apparent position of the Moon from the Earth's centre.
+    """Return the apparent position (time, 3) [m] of the Moon from the Earth's centre, in GCRS axes.
 
     Parameters
     ----------
     epochs : instants
-
-    Returns
-    -------
-    (time, 3) [m] in GCRS axes
     """
     t = epochs.tt_centuries()
     parts = [_gcrs(t[k : k + _BLOCK]) for k in range(0, len(t), _BLOCK)] or [_gcrs(t)]

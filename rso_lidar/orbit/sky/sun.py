@@ -16,25 +16,14 @@ from rso_lidar.orbit.sky.precession import gcrs_from_mean_of_date
 
 
 def sun_position_m(epochs: Epochs) -> np.ndarray:
-    """Return the apparent position of the Sun from the Earth's centre.
+    """Return the apparent position (time, 3) [m] of the Sun from the Earth's centre, in GCRS axes.
 
     Parameters
     ----------
     epochs : instants
-
-    Returns
-    -------
-    (time, 3) [m] in GCRS axes
     """
     t = epochs.tt_centuries()
     return gcrs_from_mean_of_date(_mean_of_date_m(t), t)
-
-
-def sun_direction(epochs: Epochs) -> np.ndarray:
-    """Return unit vectors (time, 3) from the Earth's centre to the Sun in GCRS axes."""
-    position = sun_position_m(epochs)
-    direction: np.ndarray = position / np.linalg.norm(position, axis=1, keepdims=True)
-    return direction
 
 
 def _mean_of_date_m(t: np.ndarray) -> np.ndarray:

@@ -19,12 +19,7 @@ _EPS = float(np.finfo(float).eps)
 
 
 def compute_scaled_time(x: float, q: float, lam: float, revolutions: int) -> float:
-    """Return Izzo's scaled time T of an orbit (eqs. 18 and 20).
-
-    Parameters
-    ----------
-    q : chord over half perimeter, 1 - lambda^2
-    """
+    """Return Izzo's scaled time T of an orbit (eqs. 18 and 20); q is chord over half perimeter, 1 - lambda^2."""
     y = math.sqrt(q + lam * lam * x * x)
     eta = y - lam * x if lam * x <= 0.0 else q / (y + lam * x)
     if abs(x - 1.0) < _NEAR_PARABOLA:
@@ -47,12 +42,7 @@ def compute_scaled_time(x: float, q: float, lam: float, revolutions: int) -> flo
 
 
 def _slopes(x: float, time: float, q: float, lam: float) -> tuple[float, float, float]:
-    """Return T', T'' and T''' at x (eq. 22).
-
-    Parameters
-    ----------
-    x, q, lam : see `compute_scaled_time`
-    """
+    """Return T', T'' and T''' at x (eq. 22)."""
     y = math.sqrt(q + lam * lam * x * x)
     across = (1.0 - x) * (1.0 + x)
     if abs(across) < 1e-7:  # the limit at the parabola is enough for a step
@@ -64,16 +54,7 @@ def _slopes(x: float, time: float, q: float, lam: float) -> tuple[float, float, 
 
 
 def find_all_orbits(time: float, q: float, lam: float) -> list[tuple[int, Branch | None, float]]:
-    """Find every orbit that takes the scaled time: revolutions, branch and x.
-
-    Parameters
-    ----------
-    q, lam : see `compute_scaled_time`
-
-    Returns
-    -------
-    number of revolutions, branch and x of each orbit
-    """
+    """Find every orbit that takes the scaled time: revolutions, branch and x."""
     roots: list[tuple[int, Branch | None, float]] = []
     for revolutions in range(int(time / math.pi) + 1):
         orbits = find_orbits(time, q, lam, revolutions)
@@ -84,16 +65,7 @@ def find_all_orbits(time: float, q: float, lam: float) -> list[tuple[int, Branch
 
 
 def find_orbits(time: float, q: float, lam: float, revolutions: int) -> list[tuple[Branch | None, float]]:
-    """Find the orbits of this number of whole revolutions that take the scaled time: none, one or two, as branch and x.
-
-    Parameters
-    ----------
-    q, lam, revolutions : see `compute_scaled_time`
-
-    Returns
-    -------
-    branch and x of each orbit
-    """
+    """Find the orbits of this number of whole revolutions that take the scaled time: none, one or two, as branch and x."""
     if revolutions == 0:
         return [(None, _solve_single(time, q, lam))]
     least_x = _find_least_time(q, lam, revolutions)
@@ -111,16 +83,7 @@ def find_orbits(time: float, q: float, lam: float, revolutions: int) -> list[tup
 
 
 def _solve_single(time: float, q: float, lam: float) -> float:
-    """Find x of the orbit of less than one revolution. T falls from infinity at x = -1 to 0 at infinity.
-
-    Parameters
-    ----------
-    q, lam : see `compute_scaled_time`
-
-    Returns
-    -------
-    x of the orbit
-    """
+    """Find x of the orbit of less than one revolution. T falls from infinity at x = -1 to 0 at infinity."""
     at_0, at_1 = compute_scaled_time(0.0, q, lam, 0), compute_scaled_time(1.0, q, lam, 0)
     if time >= at_0:
         start = (at_0 / time) ** (2.0 / 3.0) - 1.0
@@ -137,17 +100,7 @@ def _solve_single(time: float, q: float, lam: float) -> float:
 def _solve(
     time: float, q: float, lam: float, revolutions: int, start: float, bracket: tuple[float, float], slope: float
 ) -> float:
-    """Solve T(x) = `time` inside a bracket by Householder's third-order method.
-
-    Parameters
-    ----------
-    q, lam, revolutions : see `compute_scaled_time`
-    bracket : low and high x that enclose one root
-
-    Returns
-    -------
-    the root x
-    """
+    """Solve T(x) = `time` inside a bracket (low and high x) by Householder's third-order method."""
     low, high = bracket
     x = start if low < start < high else 0.5 * (low + high)
     for _ in range(_STEPS):
@@ -169,16 +122,7 @@ def _solve(
 
 
 def _find_least_time(q: float, lam: float, revolutions: int) -> float:
-    """Find x of the least T for this number of revolutions: T' = 0, where T'' > 0 throughout.
-
-    Parameters
-    ----------
-    q, lam, revolutions : see `compute_scaled_time`
-
-    Returns
-    -------
-    x of the least time
-    """
+    """Find x of the least T for this number of revolutions: T' = 0, where T'' > 0 throughout."""
     low, high, x = -1.0, 1.0, 0.0
     for _ in range(_STEPS):
         first, second, third = _slopes(x, compute_scaled_time(x, q, lam, revolutions), q, lam)

@@ -110,7 +110,20 @@ class ClassicalElements(Part):
         )
 
 
-class Kepler(ClassicalElements):
+class _TwoBodyMotion:
+    """Base of two-body motions."""
+
+    def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives (…, 3) of position [m/s] and velocity [m/s2], by point-mass gravity.
+
+        Parameters
+        ----------
+        state : position and velocity (…, 3) in inertial axes
+        """
+        return two_body_rates(state)
+
+
+class Kepler(_TwoBodyMotion, ClassicalElements):
     """Two-body motion from osculating elements in GCRS axes at `epoch_utc`. A hyperbola has e > 1 and a negative a."""
 
     type: Literal["kepler"] = "kepler"
@@ -120,21 +133,8 @@ class Kepler(ClassicalElements):
         start = self.at_epoch()
         return BodyState(*propagate_two_body(start.position_m, start.velocity_m_s, epochs.since(self.epoch_utc)))
 
-    def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives of position and velocity, by point-mass gravity.
 
-        Parameters
-        ----------
-        state : position and velocity (…, 3) in inertial axes
-
-        Returns
-        -------
-        derivatives [m/s], [m/s2], each (…, 3)
-        """
-        return two_body_rates(state)
-
-
-class State(Part):
+class State(_TwoBodyMotion, Part):
     """Two-body motion from a position and a velocity in GCRS axes at `epoch_utc`."""
 
     type: Literal["state"] = "state"
@@ -151,19 +151,6 @@ class State(Part):
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
         position, velocity = np.array(self.position_m), np.array(self.velocity_m_s)
         return BodyState(*propagate_two_body(position, velocity, epochs.since(self.epoch_utc)))
-
-    def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives of position and velocity, by point-mass gravity.
-
-        Parameters
-        ----------
-        state : position and velocity (…, 3) in inertial axes
-
-        Returns
-        -------
-        derivatives [m/s], [m/s2], each (…, 3)
-        """
-        return two_body_rates(state)
 
 
 def check_start(position_m: Vector, velocity_m_s: Vector, body: CentralBody) -> None:
@@ -256,7 +243,8 @@ def propagate_two_body(
             rows = slice(k, k + _BLOCK)
             bad[rows] = conic.propagate_into(dt[rows], positions[rows], velocities[rows])
         for row in np.flatnonzero(bad):
-            positions[row], velocities[row], bad[row] = _propagate_one(r0_vector, v0_vector, dt[row])
+            after = propagate_universal(r0_vector, v0_vector, dt[row : row + 1], alpha)
+            positions[row], velocities[row], bad[row] = (values[0] for values in after)
     else:
         positions, velocities, bad = propagate_universal(r0_vector, v0_vector, dt, alpha)
     if bad.any():
@@ -296,16 +284,12 @@ class _Ellipse:
         self.m0 = self.e0 - self.es
 
     def propagate_into(self, dt: np.ndarray, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-        """Write positions [m] and velocities [m/s] after some times into two arrays.
+        """Write positions [m] and velocities [m/s] after some times; return the mask (time,) of times that did not converge.
 
         Parameters
         ----------
         dt : (time,) time since the epoch [s]
         positions, velocities : (time, 3) arrays to write into [m], [m/s]
-
-        Returns
-        -------
-        (time,) mask of times that did not converge
         """
         turn = math.tau / self.n
         goal = self.n * (dt - turn * np.round(dt / turn))  # change of mean anomaly, within half a turn
@@ -341,19 +325,3 @@ class _Ellipse:
             positions[:, k] = f * self.r[:, k] + g * self.v[:, k]
             velocities[:, k] = f_dot * self.r[:, k] + g_dot * self.v[:, k]
         return ~(np.abs(left) < 1e-6)
-
-
-def _propagate_one(r: np.ndarray, v: np.ndarray, dt_s: float) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Propagate one state by universal variables to one time.
-
-    Parameters
-    ----------
-    r, v : (3,) state [m], [m/s]
-    dt_s : time [s]
-
-    Returns
-    -------
-    position and velocity (3,) [m], [m/s], and whether the iteration failed
-    """
-    position, velocity, bad = propagate_universal(r, v, np.array([dt_s]), inverse_semi_major_axis(r, v))
-    return position[0], velocity[0], bool(bad[0])

@@ -184,21 +184,7 @@ class _Geometry:
         gm_m3_s2: float,
         normal: Sequence[float] | np.ndarray | None,
     ) -> _Geometry:
-        """Check the inputs and compute the triangle.
-
-        Parameters
-        ----------
-        from_m, to_m, duration_s, gm_m3_s2, normal : as for `solve_lambert`
-
-        Returns
-        -------
-        the triangle
-
-        Raises
-        ------
-        ScenarioError
-            if an input makes no sense
-        """
+        """Check the inputs of `solve_lambert`, raise `ScenarioError` if one makes no sense, and compute the triangle."""
         start, end = _vector("from_m", from_m), _vector("to_m", to_m)
         for name, value in (("duration_s", duration_s), ("gm_m3_s2", gm_m3_s2)):
             if not isinstance(value, int | float | np.number) or not math.isfinite(value):

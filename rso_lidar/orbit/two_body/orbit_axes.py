@@ -87,16 +87,7 @@ def rtn_from_lvlh_ccsds() -> Rotation:
 
 
 def orbit_axes_matrix(axes: OrbitAxes, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-    """Return inertial_from_axes of orbital axes as matrices.
-
-    Parameters
-    ----------
-    position_m, velocity_m_s : (…, 3) inertial state [m], [m/s]
-
-    Returns
-    -------
-    (…, 3, 3)
-    """
+    """Return inertial_from_axes (…, 3, 3) of orbital axes, from inertial states (…, 3)."""
     inertial_from_rtn, _ = rtn_matrix(position_m, velocity_m_s)
     radial, along, normal = np.moveaxis(inertial_from_rtn, -1, 0)
     if axes == "rtn":

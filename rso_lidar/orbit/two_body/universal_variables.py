@@ -70,16 +70,12 @@ def perigee_distance_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> floa
 
 
 def _shift_to_perigee(r: np.ndarray, v: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Move the epoch of an open orbit to its perigee.
+    """Move the epoch of an open orbit to its perigee: position [m] and velocity [m/s] there, and the time since it [s].
 
     Parameters
     ----------
     r, v : (3,) state [m], [m/s]
     alpha : inverse semi-major axis [1/m]
-
-    Returns
-    -------
-    position [m] and velocity [m/s] at perigee, and the time since perigee [s]
     """
     h = np.cross(r, v)
     to_perigee = np.cross(v, h) / GM - r / np.linalg.norm(r)

@@ -104,14 +104,7 @@ class FilteredFlight:
         return position[0], velocity[0]
 
     def follow(self, orbit: IntegratedOrbit, begin_s: float, now_s: float, burns: Sequence[CarriedBurn]) -> None:
-        """Follow a piece of the path that was flown: propagate the estimate along it, and measure.
-
-        Parameters
-        ----------
-        orbit : the piece
-        begin_s, now_s : its span [s]
-        burns : those of the piece
-        """
+        """Follow a piece of the path that was flown: propagate the estimate along it, and measure."""
         instants = self._part.list_instants_s(begin_s, now_s)
         edges = [edge for leg in self._held for edge in leg.edges_s if begin_s < edge < now_s]
         middles = [burn.middle_s for burn in burns]
@@ -143,24 +136,14 @@ class FilteredFlight:
         return rtn_matrix(state.position_m, state.velocity_m_s)
 
     def _add_burn(self, burn: CarriedBurn, axes: np.ndarray) -> None:
-        """Add a burn: the estimate gains what was commanded, the path what was carried out.
-
-        Parameters
-        ----------
-        axes : (3, 3) rtn axes, as columns
-        """
+        """Add a burn in rtn axes (columns): the estimate gains what was commanded, the path what was carried out."""
         expected = self._thrusters.mean_factor @ burn.command_m_s
         inside = axes @ burn.command_m_s
         covariance = self._thrusters.find_covariance(np.outer(inside, inside))
         self._bank.add_burn((axes @ (expected - burn.done_m_s))[:, None], covariance[:, :, None])
 
     def _step(self, flow: DeviationFlow, node: int, held: Sequence[tuple[HeldThrust, HeldThrustErrors]]) -> None:
-        """Propagate the estimate to the next node.
-
-        Parameters
-        ----------
-        held : legs that thrust holds, and its errors
-        """
+        """Propagate the estimate to the next node."""
         begin_s, end_s = float(flow.node_s[node]), float(flow.node_s[node + 1])
         thrust = None
         for leg, errors in held:
@@ -178,12 +161,7 @@ class FilteredFlight:
         self._bank.predict(moved, flow.transition(node), self._part.find_noise(end_s - begin_s), thrust)
 
     def _find_errors(self, leg: HeldThrust, stage_s: np.ndarray) -> HeldThrustErrors:
-        """Return what the errors of the thrust of a leg do at instants.
-
-        Parameters
-        ----------
-        stage_s : (stage,) the instants [s]
-        """
+        """Return what the errors of the thrust of a leg do at instants (stage,) [s]."""
         control = lambda time_s: leg.plan.control_m_s2(np.clip(time_s, leg.from_s, np.nextafter(leg.until_s, -np.inf)))  # noqa: E731
         return HeldThrustErrors(stage_s, self._find_axes, control, self._thrusters)
 

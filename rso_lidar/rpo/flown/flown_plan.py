@@ -185,13 +185,7 @@ class Flown(RtnMotion):
         return flight
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the body that is approached
-        """
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes."""
         return self.fly(epochs.start_utc, chief).relative(epochs.time_s)
 
     def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
@@ -205,13 +199,7 @@ class Flown(RtnMotion):
         return self.fly(epochs.start_utc, chief).breaks_s(float(epochs.time_s.max(initial=0.0)) + 10.0)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each way in which the flight is not what it should be.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the body that is approached
-        """
+        """Return one sentence for each way in which the flight is not what it should be."""
         flight = self.fly(epochs.start_utc, chief)
         own, around = flight.settings.forces, flight.reference.forces
         lines = []
@@ -245,12 +233,7 @@ class Flown(RtnMotion):
 
 @functools.lru_cache(maxsize=32)
 def _make_flight(motion: Flown, plan: Plan, reference: ReferenceOrbit) -> PlanFlight:
-    """Make the flight of a motion whose forces are known.
-
-    Parameters
-    ----------
-    reference : orbit of that body
-    """
+    """Make the flight of a motion whose forces are known."""
     assert motion.forces is not None
     settings = FlightSettings(motion.forces, motion.thrusters, motion.guidance, motion.navigation, motion.seed or 0)
     return PlanFlight(plan, reference, settings, _find_start(motion, reference))

@@ -67,15 +67,11 @@ class Guidance(Protocol):
         ...
 
     def replan(self, update: GuidanceUpdate) -> Sequence[PlannedImpulse]:
-        """Return the impulses from now on. They replace all that have not yet begun.
+        """Return the impulses from now on, in the approached body's rtn axes. They replace all that have not yet begun.
 
         Parameters
         ----------
         update : what is known
-
-        Returns
-        -------
-        impulses in the rtn axes of the body that is approached, none before now
         """
         ...
 
@@ -128,12 +124,7 @@ class TwoImpulseGuidance(Part):
         return self
 
     def next_s(self, after_s: float) -> float:
-        """Return the instant of the first correction after another [s], infinite for none.
-
-        Parameters
-        ----------
-        after_s : the other instant [s]
-        """
+        """Return the instant of the first correction after another [s], infinite for none."""
         if self.every_s is not None:
             return (math.floor(max(after_s, 0.0) / self.every_s + 1e-9) + 1) * self.every_s
         return next((at_s for at_s in self.at_s or () if at_s > after_s), math.inf)
@@ -171,12 +162,7 @@ class TwoImpulseGuidance(Part):
         ]
 
     def replan(self, update: GuidanceUpdate) -> Sequence[PlannedImpulse]:
-        """Return the impulses from now on: the correction, its arrival, and those of the plan after that.
-
-        Parameters
-        ----------
-        update : what is known
-        """
+        """Return the impulses from now on: the correction, its arrival, and those of the plan after that."""
         aim_s = self.find_aim_s(update.plan, update.time_s, update.next_s)
         if not aim_s > update.time_s + _SHORTEST_S:
             return update.impulses
@@ -219,12 +205,7 @@ class Steering:
         return clohessy_wiltshire(offset_m, np.zeros(3), self._duration_s, self._n)[0]
 
     def arrive(self, offset_m: np.ndarray, change_m_s: np.ndarray) -> np.ndarray:
-        """Return the difference of velocity (3,) [m/s] on arrival.
-
-        Parameters
-        ----------
-        offset_m, change_m_s : (3,) deviation from the plan at departure [m], [m/s]
-        """
+        """Return the difference of velocity (3,) [m/s] on arrival, from the deviation (3,) from the plan at departure."""
         return clohessy_wiltshire(offset_m, change_m_s, self._duration_s, self._n)[1]
 
     def solve(self, gap_m: np.ndarray) -> np.ndarray:
@@ -240,14 +221,7 @@ class Steering:
 
 
 def _find_aim_s(plan: Plan, time_s: float, next_s: float) -> float:
-    """Return the instant of the plan's next event [s], or of the next update.
-
-    Parameters
-    ----------
-    plan : plan that is flown
-    time_s : instant of the correction [s]
-    next_s : instant of the next update [s]
-    """
+    """Return the instant of the plan's next event [s], or of the next update."""
     begins = [leg.begin_s for leg in plan.legs]
     events = [*begins, *(impulse.time_s for impulse in plan.impulses)]
     ahead = min((at_s for at_s in events if at_s > time_s + _SHORTEST_S), default=math.inf)
@@ -274,10 +248,6 @@ def _shoot(
     ----------
     aim_s, aim_m : instant [s] and position (3,) [m] of arrival
     velocity : (3,) first guess [m/s]
-
-    Returns
-    -------
-    velocity of departure and of arrival, each (3,) [m/s]
     """
     inverse = np.stack([steer.solve(column) for column in np.eye(3)], axis=1)
 
@@ -305,10 +275,6 @@ def _shoot(
 
 def check_impulses(guidance: object, impulses: object, now_s: float) -> tuple[PlannedImpulse, ...]:
     """Return the impulses that guidance wants, in order of time; those that are too small to matter are left out.
-
-    Parameters
-    ----------
-    now_s : present instant [s]
 
     Raises
     ------

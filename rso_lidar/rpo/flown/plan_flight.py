@@ -76,15 +76,11 @@ class PlanFlight:
         self._lock = RLock()
 
     def relative(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state at instants; at an impulse, the state after it.
+        """Return position [m] and velocity [m/s] (time, 3) in the body's rotating rtn axes; at an impulse, those after it.
 
         Parameters
         ----------
         time_s : instants (time,) since the start of the plan [s]
-
-        Returns
-        -------
-        position [m] and velocity [m/s], each (time, 3), in the rotating rtn axes of the body that is approached
         """
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         rows = np.empty((len(times), 6))
@@ -267,14 +263,9 @@ class PlanFlight:
 
         Parameters
         ----------
-        now_s : instant of the state [s]
         state : position [m] and velocity [m/s], each (3,), before impulses at this instant
         until_s : instant wanted [s]
         impulses : those on the way; one at `until_s` is not made
-
-        Returns
-        -------
-        position [m] and velocity [m/s], each (3,)
         """
         known: Forces | None = getattr(self.settings.guidance, "forces", None)
         reference, forces = self.reference, known or self.settings.forces
@@ -340,7 +331,6 @@ def _integrate(
     ----------
     start : inertial state (3,)
     reference : orbit of the body that is approached
-    begin_s : time of the state [s]
     """
     place = tuple(start.position_m.tolist()), tuple(start.velocity_m_s.tolist())
     return IntegratedOrbit(*place, reference.start_utc, forces, tuple(pushes), reference.orbit, begin_s)

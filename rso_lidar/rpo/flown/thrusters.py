@@ -194,13 +194,7 @@ class Thrusters(Part):
         return Burn(thrust_n=tuple(push.tolist()), mass_kg=mass_kg, isp_s=self.isp_s, axes="chief_rtn", **times)
 
     def _find_full_thrust_s(self, delta_v_m_s: float, mass_kg: float) -> float:
-        """Return the time at full thrust that gives a change of velocity [s], 0 for an impulse.
-
-        Parameters
-        ----------
-        delta_v_m_s : its size [m/s]
-        mass_kg : mass before [kg]
-        """
+        """Return the time at full thrust that gives a change of velocity of this size [s], 0 for an impulse."""
         if self.acceleration_m_s2 is not None:
             return delta_v_m_s / self.acceleration_m_s2
         if self.thrust_n is None:
@@ -241,10 +235,5 @@ class NavigationErrors(Part):
 
 
 def make_generator(seed: int, use: int, number: int) -> np.random.Generator:
-    """Return the counter-based generator of one burn, held leg, fix or measurement.
-
-    Parameters
-    ----------
-    use : `IMPULSES`, `HELD_LEGS`, `NAVIGATION` or `MEASUREMENTS`
-    """
+    """Return the counter-based generator of one burn, held leg, fix or measurement, by its `use`, such as `IMPULSES`."""
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(use, number))))

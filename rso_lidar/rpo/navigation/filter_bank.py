@@ -183,16 +183,12 @@ def find_axes_across(along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def apply_matrix(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return the product of a matrix and columns; a column has the same bits alone and among others.
+    """Return the product (m, …) of a matrix and columns; a column has the same bits alone and among others.
 
     Parameters
     ----------
     matrix : (m, k), or (m, k, …) with one matrix for each column
     columns : (k, …)
-
-    Returns
-    -------
-    (m, …)
     """
     wide = (slice(None), slice(None), *(None,) * (columns.ndim - 1))
     spread = matrix[wide]
@@ -236,10 +232,6 @@ def _assimilate(
     slope : (3, run) derivative of the measurement
     innovation, variance : (run,) measured less expected, and the variance of the measurement
     seen : (run,) whether there is a measurement; None if there is in all
-
-    Returns
-    -------
-    state, covariance, gain
     """
     crossed = _sum_three(covariance, slope)
     gain = crossed / (np.sum(crossed[:3] * slope, axis=0) + variance)

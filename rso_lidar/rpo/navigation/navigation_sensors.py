@@ -145,12 +145,7 @@ class NavigationLidar(_NavigationSensor):
         return True
 
     def find_range_sigma_m(self, range_m: np.ndarray) -> np.ndarray:
-        """Return the standard deviation of a range [m].
-
-        Parameters
-        ----------
-        range_m : ranges (run,) [m]
-        """
+        """Return the standard deviation of a range [m]."""
         square = self.range_sigma_m**2 + self.origin_sigma_m**2
         grown = self.range_noise.find_sigma_m(range_m) ** 2 if self.range_noise is not None else 0.0
         sigma_m: np.ndarray = np.sqrt(square + grown + np.zeros_like(range_m))

@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 from rso_lidar.part import Number, Positive, Vector
 from rso_lidar.rpo.limits import Duration, Pieces
 from rso_lidar.rpo.plans.operation import ProximityOperation
-from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast, make_line
-from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
+from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse, make_coast, make_line
+from rso_lidar.rpo.plans.two_impulse import fly_arcs
 
 
 class StationKeeping(ProximityOperation):
@@ -93,39 +93,17 @@ class _AlongAnAxis(ProximityOperation):
             duration_s = (self.hops or 1) * np.pi / n
         if self.hops is None:
             velocity = self._at(way_m / duration_s)
-            legs: tuple[Leg, ...] = (make_line(0.0, self._at(self.from_m), velocity),)
-            impulses: tuple[PlannedImpulse, ...] = (
-                PlannedImpulse(0.0, velocity),
-                PlannedImpulse(duration_s, -velocity),
-            )
+            legs, impulses = [make_line(0.0, self._at(self.from_m), velocity)], [PlannedImpulse(0.0, velocity)]
+            end_s, arrival = duration_s, velocity
         else:
-            legs, impulses = self._plan_hops(n, duration_s / self.hops, way_m / self.hops, self.hops)
-        return Plan(self.name, n, duration_s, (*legs, make_line(duration_s, self._at(self.to_m))), impulses)
-
-    def _plan_hops(
-        self, n: float, each_s: float, step_m: float, hops: int
-    ) -> tuple[tuple[Leg, ...], tuple[PlannedImpulse, ...]]:
-        """Plan equal hops along the axis.
-
-        Parameters
-        ----------
-        n : mean motion of the body [rad/s]
-        each_s : duration of a hop [s]
-        step_m : length of a hop, with its sign [m]
-        hops : number of hops
-
-        Returns
-        -------
-        the legs, and the impulses before, between and after them
-        """
-        arrival, legs, impulses = np.zeros(3), [], []
-        for k in range(hops):
-            start = self._at(self.from_m + k * step_m)
-            departure = solve_departure_m_s(start, self._at(self.from_m + (k + 1) * step_m), each_s, n)
-            legs.append(make_coast(k * each_s, start, departure, n))
-            impulses.append(PlannedImpulse(k * each_s, departure - arrival))
-            arrival = legs[-1].path(np.array([each_s]))[1][0]
-        return tuple(legs), (*impulses, PlannedImpulse(hops * each_s, -arrival))
+            each_s, step_m = duration_s / self.hops, way_m / self.hops
+            places_m = np.array([self._at(self.from_m + k * step_m) for k in range(self.hops + 1)])
+            begins_s = [k * each_s for k in range(self.hops)]
+            legs, impulses, arrival = fly_arcs(n, begins_s, [each_s] * self.hops, places_m)
+            end_s = self.hops * each_s
+        legs.append(make_line(duration_s, self._at(self.to_m)))
+        impulses.append(PlannedImpulse(end_s, -arrival))
+        return Plan(self.name, n, duration_s, tuple(legs), tuple(impulses))
 
 
 class VBarApproach(_AlongAnAxis):

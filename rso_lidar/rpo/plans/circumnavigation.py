@@ -17,33 +17,6 @@ from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 
 
-def _find_ellipse_states(
-    n: float, axes_m: tuple[float, float], phase_rad: np.ndarray, ahead_rad: float, centre_m: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the states of free flight on a 2:1 ellipse at its begin, by phase.
-
-    x = h + b cos(u), y = c - 3/2 n h t - 2 b sin(u), z = q sin(u + a), u = n t + phase (the relative orbit elements of
-    Lovell & Spencer, J. Astronaut. Sci. 61, 2014).
-
-    Parameters
-    ----------
-    n : mean motion of the body [rad/s]
-    axes_m : amplitudes b and q [m]
-    phase_rad : (…) phases [rad]
-    ahead_rad : phase difference a [rad]
-    centre_m : height h and initial along-track position c of the centre [m]
-
-    Returns
-    -------
-    position [m] and velocity [m/s], each (…, 3)
-    """
-    (b, q), (h, c) = axes_m, centre_m
-    sine, cosine = np.sin(phase_rad), np.cos(phase_rad)
-    position = h + b * cosine, c - 2.0 * b * sine, q * np.sin(phase_rad + ahead_rad)
-    velocity = -n * b * sine, -1.5 * n * h - 2.0 * n * b * cosine, n * q * np.cos(phase_rad + ahead_rad)
-    return np.stack(position, axis=-1), np.stack(velocity, axis=-1)
-
-
 class Circumnavigation(ProximityOperation):
     """Natural motion round the body without end: the 2:1 ellipse of Clohessy-Wiltshire.
 
@@ -84,13 +57,7 @@ class Circumnavigation(ProximityOperation):
         phase_deg : (…) phases on the ellipse [deg]
         mean_motion_rad_s : mean motion of the body that is approached [rad/s]
         """
-        return _find_ellipse_states(
-            mean_motion_rad_s,
-            (self.radial_m, self.cross_track_m),
-            np.asarray(phase_deg) * units.DEG,
-            self.phase_difference_deg * units.DEG,
-            (0.0, self.center_along_track_m),
-        )
+        return _find_ellipse_states(self, 0.0, phase_deg, mean_motion_rad_s)
 
     def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
@@ -183,13 +150,7 @@ class SafetyEllipse(ProximityOperation):
         phase_deg : (…) phases on the ellipse [deg]
         mean_motion_rad_s : mean motion of the body that is approached [rad/s]
         """
-        return _find_ellipse_states(
-            mean_motion_rad_s,
-            (self.radial_m, self.cross_track_m),
-            np.asarray(phase_deg) * units.DEG,
-            self.phase_difference_deg * units.DEG,
-            (self.height_m, self.center_along_track_m),
-        )
+        return _find_ellipse_states(self, self.height_m, phase_deg, mean_motion_rad_s)
 
     def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
@@ -337,3 +298,24 @@ class ForcedCircumnavigation(ProximityOperation):
 
         circle = Leg(0.0, path, lambda time_s: -(rate_rad_s**2) * path(time_s)[0])
         return Plan(self.name, mean_motion_rad_s, self.duration_s or self.turn_s, (circle,))
+
+
+def _find_ellipse_states(
+    part: Circumnavigation | SafetyEllipse, h: float, phase_deg: np.ndarray, n: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return position [m] and velocity [m/s] (…, 3) of free flight on a 2:1 ellipse at its begin, by phase [deg].
+
+    x = h + b cos(u), y = c - 3/2 n h t - 2 b sin(u), z = q sin(u + a), u = n t + phase (the relative orbit elements of
+    Lovell & Spencer, J. Astronaut. Sci. 61, 2014).
+
+    Parameters
+    ----------
+    h : height of the ellipse's centre [m]
+    n : mean motion of the body [rad/s]
+    """
+    b, q, c = part.radial_m, part.cross_track_m, part.center_along_track_m
+    phase_rad, ahead_rad = np.asarray(phase_deg) * units.DEG, part.phase_difference_deg * units.DEG
+    sine, cosine = np.sin(phase_rad), np.cos(phase_rad)
+    position = h + b * cosine, c - 2.0 * b * sine, q * np.sin(phase_rad + ahead_rad)
+    velocity = -n * b * sine, -1.5 * n * h - 2.0 * n * b * cosine, n * q * np.cos(phase_rad + ahead_rad)
+    return np.stack(position, axis=-1), np.stack(velocity, axis=-1)

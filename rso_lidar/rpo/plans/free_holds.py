@@ -11,10 +11,9 @@ from pydantic import Field
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Number, Positive, Vector
 from rso_lidar.rpo.limits import MOST_PIECES, Duration
-from rso_lidar.rpo.plans.arcs import plan_arcs
 from rso_lidar.rpo.plans.operation import ProximityOperation
 from rso_lidar.rpo.plans.plan import Plan, make_coast
-from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
+from rso_lidar.rpo.plans.two_impulse import plan_arcs, solve_departure_m_s
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 _LONGEST_ARC = 0.45  # revolutions: below half of one, where every arc across the orbit still comes back

@@ -10,9 +10,9 @@ from pydantic import Field, model_validator
 
 from rso_lidar.part import Flag, Positive, Vector
 from rso_lidar.rpo.limits import Pieces
-from rso_lidar.rpo.plans.arcs import plan_arcs
 from rso_lidar.rpo.plans.operation import ProximityOperation
 from rso_lidar.rpo.plans.plan import Plan
+from rso_lidar.rpo.plans.two_impulse import plan_arcs
 
 _UNIFORM = 1e-6  # difference of the speeds, over their size, below which the motion is uniform
 

@@ -31,15 +31,11 @@ class KeepOutSphere:
     half_angle_deg: float = 0.0
 
     def clear_m(self, position_m: np.ndarray) -> np.ndarray:
-        """Return the distance of positions from what is forbidden.
+        """Return the distance (…) [m] of positions from what is forbidden, negative inside it.
 
         Parameters
         ----------
         position_m : (…, 3) in rtn axes of the body [m]
-
-        Returns
-        -------
-        (…) [m], negative inside what is forbidden
         """
         distance = np.sqrt(np.sum(position_m * position_m, axis=-1))
         clear: np.ndarray = distance - self.radius_m

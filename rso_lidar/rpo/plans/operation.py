@@ -105,11 +105,6 @@ class ProximityOperation(RelativeMotion):
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
 
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-
         Raises
         ------
         ScenarioError
@@ -135,13 +130,7 @@ class ProximityOperation(RelativeMotion):
         return np.array([leg.begin_s for leg in self.plan(epochs.start_utc, chief).legs])
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each limit of Clohessy-Wiltshire's equations that these epochs exceed.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return one sentence for each limit of Clohessy-Wiltshire's equations that these epochs exceed."""
         position, _ = self.relative(epochs, chief)
         sentences = hill.describe_validity(
             position,
@@ -176,24 +165,13 @@ class ProximityOperation(RelativeMotion):
 
 @functools.lru_cache(maxsize=128)
 def _make_checked_plan(operation: ProximityOperation, mean_motion_rad_s: float, center: CentralBody) -> Plan:
-    """Make a plan and check it.
-
-    Parameters
-    ----------
-    mean_motion_rad_s, center : as for `check_lengths`
-    """
+    """Make a plan and check it."""
     check_lengths(operation, mean_motion_rad_s, center)
     return operation.keep_out.check(check_plan(operation.make_plan(mean_motion_rad_s), operation, center=center))
 
 
 def check_lengths(operation: Any, mean_motion_rad_s: float, center: CentralBody = EARTH) -> None:
-    """Check that lengths of an operation are within the radius of the body's orbit; beyond, its rtn axes have no meaning.
-
-    Parameters
-    ----------
-    mean_motion_rad_s : of the body that is approached [rad/s]
-    center : body about which that one orbits
-    """
+    """Check that lengths of an operation are within the radius of the body's orbit; beyond, its rtn axes have no meaning."""
     radius_m = float(np.cbrt(center.gm_m3_s2 / mean_motion_rad_s**2))
     for name in type(operation).model_fields:
         if not name.endswith("_m") or name == "keep_out_m" or getattr(operation, name) is None:
@@ -214,11 +192,6 @@ def check_plan(plan: Plan, operation: Any, *, far: bool = False, center: Central
     Parameters
     ----------
     far : whether it may go beyond the radius of the body's orbit
-    center : body about which the one that is approached orbits
-
-    Returns
-    -------
-    the same plan
 
     Raises
     ------

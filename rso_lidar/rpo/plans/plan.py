@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.rpo.limits import check_horizon
 from rso_lidar.rpo.plans.minimum_distance import find_closest_approach
-from rso_lidar.rpo.plans.plan_text import format_length, format_rows
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -60,14 +60,7 @@ class Leg:
 
 
 def make_coast(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray, mean_motion_rad_s: float) -> Leg:
-    """Return a leg of free flight.
-
-    Parameters
-    ----------
-    begin_s : begin of the leg [s]
-    position_m, velocity_m_s : (3,) state at its begin [m], [m/s]
-    mean_motion_rad_s : mean motion of the body that is approached [rad/s]
-    """
+    """Return a leg of free flight, from its state (3,) at the begin."""
     start = np.array(position_m, dtype=float), np.array(velocity_m_s, dtype=float)
     return Leg(begin_s, lambda time_s: clohessy_wiltshire(*start, time_s, mean_motion_rad_s))
 
@@ -77,7 +70,6 @@ def make_line(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray |
 
     Parameters
     ----------
-    begin_s : begin of the leg [s]
     position_m : (3,) position at its begin [m]
     velocity_m_s : (3,) [m/s]; None holds the position
     """
@@ -134,15 +126,11 @@ class Plan:
         object.__setattr__(self, "_begins", np.array([leg.begin_s for leg in self.legs]))
 
     def relative(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state at instants of the plan; at an impulse, the state after it.
+        """Return position [m] and velocity [m/s] (time, 3) in rtn axes; at an impulse, those after it.
 
         Parameters
         ----------
         time_s : instants (time,) since the start of the plan [s]
-
-        Returns
-        -------
-        position [m] and velocity [m/s], each (time, 3), in rtn axes
         """
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         position, velocity = np.empty((len(times), 3)), np.empty((len(times), 3))
@@ -158,15 +146,11 @@ class Plan:
         return math.tau / self.mean_motion_rad_s
 
     def control_m_s2(self, time_s: np.ndarray) -> np.ndarray:
-        """Return the acceleration by which thrust holds the path; zero in free flight.
+        """Return the acceleration (time, 3) [m/s2] by which thrust holds the path, in rtn axes; zero in free flight.
 
         Parameters
         ----------
         time_s : instants (time,) since the start of the plan [s]
-
-        Returns
-        -------
-        (time, 3) [m/s2] in rtn axes
         """
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         n, leg = self.mean_motion_rad_s, np.maximum(np.searchsorted(self._begins, times, side="right") - 1, 0)
@@ -274,18 +258,7 @@ class Plan:
     def _find_nearest_adrift(
         self, path: Path, begin_s: float, failure_s: float, until_s: float
     ) -> tuple[float, float, float]:
-        """Find the closest approach of a drift after a failure.
-
-        Parameters
-        ----------
-        begin_s : start of the leg [s]
-        failure_s : instant of the failure, since the start of the leg [s]
-        until_s : end of the drift [s]
-
-        Returns
-        -------
-        distance [m], instant of the failure [s], and instant of the closest approach [s]
-        """
+        """Find the closest approach of a drift after a failure: distance [m], instant of the failure, and its own [s]."""
         spans = self._spans(until_s, _FINE_REVOLUTIONS)
         distance, nearest_s = min(find_closest_approach(path, begin_s, *span) for span in spans)
         return distance, begin_s + failure_s, nearest_s
@@ -297,12 +270,7 @@ class Plan:
 
         Parameters
         ----------
-        begin_s, length_s : its begin and length [s]
         span : from, to and step of the samples of the drift [s]
-
-        Returns
-        -------
-        distance [m], instant of the failure [s], and instant of the nearest approach [s]
         """
         n, (from_s, to_s, step_s) = self.mean_motion_rad_s, span
         low, high, best = 0.0, length_s, (math.inf, 0.0, 0.0)
@@ -389,3 +357,14 @@ class Plan:
             ),
         ]
         return "\n".join(lines)
+
+
+def format_rows(rows: tuple[tuple[str, ...], ...]) -> list[str]:
+    """Return rows of words as indented lines of columns."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return ["  " + "  ".join(word.rjust(width) for word, width in zip(row, widths, strict=True)) for row in rows]
+
+
+def format_length(length_m: float) -> str:
+    """Format a length, in metres or from 10 km on in kilometres."""
+    return f"{length_m:.2f} m" if length_m < 10.0 * units.KM else f"{length_m / units.KM:.3f} km"

@@ -95,16 +95,9 @@ def _plan_transfer(
 
     Parameters
     ----------
-    name : name of the operation
     start, before_m_s : (3,) state before the first impulse [m], [m/s]
     aim : (3,) position of arrival [m]
-    duration_s : time between the impulses [s]
     n : mean motion of the body [rad/s]
-    stop : whether a second impulse stops it
-
-    Returns
-    -------
-    the plan
     """
     departure = solve_departure_m_s(start, aim, duration_s, n)
     leg = make_coast(0.0, start, departure, n)
@@ -262,25 +255,11 @@ class Lambert(ProximityOperation):
         return _plan_lambert(self, (radius, 0.0, 0.0), (0.0, speed, 0.0))
 
     def make_plan_about(self, chief: BodyState) -> Plan:
-        """Make the plan about a chief of which the state is known, and check it.
-
-        Parameters
-        ----------
-        chief : its inertial state (3,) at the start of the plan
-
-        Returns
-        -------
-        the plan in rtn axes of the chief, from time 0
-        """
+        """Make the plan about a chief of which the state is known, and check it."""
         return _plan_lambert(self, tuple(chief.position_m.tolist()), tuple(chief.velocity_m_s.tolist()))
 
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
         """Return the plan: legs, impulses, costs and safety.
-
-        Parameters
-        ----------
-        start_utc : start of the plan
-        chief : trajectory of the chief
 
         Raises
         ------
@@ -298,15 +277,11 @@ class Lambert(ProximityOperation):
 
 @functools.lru_cache(maxsize=128)
 def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]) -> Plan:
-    """Make the plan about a chief.
+    """Make the plan about a chief with the least delta-v of those that the part allows.
 
     Parameters
     ----------
     chief_m, chief_m_s : (3,) state of the chief in inertial axes [m], [m/s]
-
-    Returns
-    -------
-    the plan with the least delta-v of those that the part allows
 
     Raises
     ------
@@ -369,25 +344,14 @@ def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[fl
 
 
 def _find_lowest_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> float:
-    """Return the least distance from the Earth's centre [m] during a transfer.
-
-    Parameters
-    ----------
-    start_m : (3,) position of departure [m]
-    duration_s : its duration [s]
-    """
+    """Return the least distance from the Earth's centre [m] during a transfer from a position (3,) [m]."""
     once_s = min(duration_s, math.tau / max(_find_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
     low_m = propagate_two_body(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
     return float(np.sqrt(np.sum(low_m * low_m, axis=1)).min())
 
 
 def _difference_orbits(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the difference of two orbits in the chief's rotating rtn axes.
-
-    Parameters
-    ----------
-    time_s : (time,) time since the start [s]
-    """
+    """Return the difference of two orbits in the chief's rotating rtn axes at instants (time,) since the start."""
     there, here = (
         BodyState(*propagate_two_body(state.position_m, state.velocity_m_s, time_s)) for state in (chief, body)
     )

@@ -46,18 +46,7 @@ def to_curvilinear(
 def to_rectilinear(
     arcs_m: np.ndarray, rates_m_s: np.ndarray, radius_m: np.ndarray, radial_m_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Convert height and arcs to rtn positions and velocities; the inverse of `to_curvilinear`.
-
-    Parameters
-    ----------
-    arcs_m, rates_m_s : (…, 3) height, arc along and arc across [m], and their rates [m/s]
-    radius_m : (…) the chief's distance from the Earth's centre [m]
-    radial_m_s : (…) its rate [m/s]
-
-    Returns
-    -------
-    position_m, velocity_m_s : (…, 3) in rtn axes [m], [m/s]
-    """
+    """Convert height and arcs to rtn positions and velocities; the inverse of `to_curvilinear`."""
     height, along, cross = np.moveaxis(np.asarray(arcs_m, dtype=float), -1, 0)
     height_rate, along_rate, cross_rate = np.moveaxis(np.asarray(rates_m_s, dtype=float), -1, 0)
     theta, phi = along / radius_m, cross / radius_m

@@ -54,17 +54,13 @@ class DeviationFlow:
         self._along = np.stack(self._gravity(*self._reference.T), axis=1)
 
     def advance(self, node: int, state: np.ndarray, push: Push | None = None) -> np.ndarray:
-        """Return deviations at the next node.
+        """Return deviations (6, n) at the next node.
 
         Parameters
         ----------
         node : index of the node
         state : (6, n) deviations of position [m] and velocity [m/s] there, inertial axes
         push : function of the index of a stage in `stage_s` that returns further accelerations (3, n) or (3, 1) [m/s2]
-
-        Returns
-        -------
-        (6, n) deviations there
         """
         h, at = float(self._step_s[node]), int(self._begins[node])
         d, v = state[:3], state[3:]
@@ -82,15 +78,11 @@ class DeviationFlow:
         return np.concatenate([d, v])
 
     def transition(self, node: int) -> np.ndarray:
-        """Return the state transition matrix from a node to the next one, for small deviations.
+        """Return the transition matrix (6, 6) of small deviations [m], [m/s] from a node to the next one, in inertial axes.
 
         Parameters
         ----------
         node : index of the node
-
-        Returns
-        -------
-        (6, 6) of position [m] and velocity [m/s], inertial axes
         """
         small = np.array([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3])
         # the mean of both signs cancels the second order, which is 1e-7 of a deviation

@@ -62,13 +62,7 @@ class Hill(RelativeState):
     )
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes."""
         flown = self._propagate_equations(epochs, chief)
         return curvilinear.to_rectilinear(*flown, *_find_radius(chief, epochs)) if self.curvilinear else flown
 
@@ -82,13 +76,7 @@ class Hill(RelativeState):
         return clohessy_wiltshire(*start, epochs.time_s, n, self.acceleration_m_s2)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice."""
         position, _ = self._propagate_equations(epochs, chief)
         start, center = find_start_state(chief, epochs.start_utc), find_center(chief)
         if self.curvilinear:
@@ -222,10 +210,6 @@ def find_start_state(chief: Trajectory, start_utc: datetime.datetime) -> tuple[n
 def find_mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> float:
     """Return the mean motion of a chief's osculating orbit, by the vis-viva equation and Kepler's third law.
 
-    Returns
-    -------
-    float [rad/s]
-
     Raises
     ------
     ScenarioError
@@ -251,13 +235,7 @@ def mean_motion_of_state(position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3
 
 
 def find_eccentricity(position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3_s2: float = GM) -> float:
-    """Return the osculating eccentricity of a state in GCRS axes.
-
-    Parameters
-    ----------
-    position_m, velocity_m_s : (3,) about the central body [m], [m/s]
-    gm_m3_s2 : its gravitational parameter [m3/s2], by default the Earth's
-    """
+    """Return the osculating eccentricity of a state (3,) about the central body."""
     momentum = np.cross(position_m, velocity_m_s)
     return float(np.linalg.norm(np.cross(velocity_m_s, momentum) / gm_m3_s2 - position_m / np.linalg.norm(position_m)))
 

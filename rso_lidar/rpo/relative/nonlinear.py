@@ -60,13 +60,7 @@ class Nonlinear(RelativeState):
                 )
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes."""
         forces = _POINT_MASS if self.forces is None and self.maneuvers else self.forces
         reference = ReferenceOrbit.from_chief(chief, epochs.start_utc, forces)
         start = reference.place(np.array(self.position_m), np.array(self.velocity_m_s))
@@ -79,16 +73,7 @@ class Nonlinear(RelativeState):
         return reference.express(BodyState(rows[:, :3], rows[:, 3:]), epochs)
 
     def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
-        """Return the instants at which velocity or acceleration is discontinuous: those of the maneuvers.
-
-        Parameters
-        ----------
-        epochs, chief : not used
-
-        Returns
-        -------
-        times since the `start_utc` of `epochs` [s]
-        """
+        """Return the instants at which velocity or acceleration is discontinuous: those of the maneuvers."""
         return np.array([edge_s for maneuver in self.maneuvers for edge_s in maneuver.edges_s])
 
     def advise(self, end_s: float) -> list[str]:
@@ -115,13 +100,7 @@ class Nonlinear(RelativeState):
         return math.fsum(maneuver.size_m_s for maneuver in self.maneuvers)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice."""
         if self.forces is not None:
             return []
         return describe_flattening(

@@ -89,15 +89,11 @@ class ReferenceOrbit:
         return BodyState(rows[:, :3], rows[:, 3:])
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants at which the chief's own maneuvers begin, end or change.
+        """Return the times (break,) since `start_utc` [s] at which the chief's own maneuvers begin, end or change.
 
         Parameters
         ----------
         epochs : not used
-
-        Returns
-        -------
-        (break,) times since `start_utc` [s]
         """
         return np.array([edge_s for maneuver in self.maneuvers for edge_s in maneuver.edges_s])
 
@@ -151,7 +147,7 @@ class ReferenceOrbit:
 def find_relative_state(
     chief: BodyState, body: BodyState, rates: tuple[np.ndarray, np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the state of a body in a chief's rotating rtn axes.
+    """Return position [m] and velocity [m/s] (…, 3) of a body in a chief's rotating rtn axes.
 
     The velocity contains the transport term, -omega x rho. Differences of inertial coordinates are good to 1e-8 m.
 
@@ -159,10 +155,6 @@ def find_relative_state(
     ----------
     chief, body : inertial states (…, 3)
     rates : derivatives of the chief's state, see `rtn_axes`; without them its orbital plane is fixed
-
-    Returns
-    -------
-    position_m, velocity_m_s : (…, 3) [m], [m/s]
     """
     axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s, rates)
     back = np.swapaxes(axes, -1, -2)
@@ -176,14 +168,7 @@ def add_relative_state(
     velocity_m_s: np.ndarray,
     rates: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> BodyState:
-    """Return the inertial state of a body at a state in a chief's rotating rtn axes; the inverse of `find_relative_state`.
-
-    Parameters
-    ----------
-    chief : inertial state (…, 3)
-    position_m, velocity_m_s : (…, 3) in the chief's rtn axes [m], [m/s]
-    rates : derivatives of the chief's state, see `rtn_axes`; without them its orbital plane is fixed
-    """
+    """Return the inertial state of a body from one in a chief's rotating rtn axes; the inverse of `find_relative_state`."""
     axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s, rates)
     return BodyState(
         chief.position_m + rotate_vectors(axes, position_m),

@@ -92,13 +92,7 @@ class RelativeElements(RelativeMotion):
         return np.array([getattr(self, name) for name in _NAMES])
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes."""
         self.check_center(find_center(chief))
         rows = self._rows(epochs, chief)
         if self.j2:
@@ -118,13 +112,7 @@ class RelativeElements(RelativeMotion):
         return _find_start_elements(self, epochs.start_utc, tuple(position.tolist()), tuple(velocity.tolist()))
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice."""
         of, body = self._rows(epochs, chief)
         sentences = []
         turned_rad = abs(body[5] - of[5])
@@ -166,15 +154,11 @@ class _MeanElementOrbit:
 def _find_start_elements(
     part: RelativeElements, start_utc: datetime.datetime, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the orbital elements of the chief and of the body at the start. The result is cached.
+    """Compute the elements (6,) of the chief and of the body at the start, cached.
 
     Parameters
     ----------
     chief_m, chief_m_s : (3,) state of the chief in GCRS axes [m], [m/s]
-
-    Returns
-    -------
-    elements of the chief and of the body, each (6,)
 
     Raises
     ------
@@ -208,16 +192,7 @@ def rotate_to_equator(state: BodyState, epochs: Epochs) -> BodyState:
 
 
 def difference_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """Return the relative elements between two rows of elements.
-
-    Parameters
-    ----------
-    chief, body : (…, 6) rows of elements
-
-    Returns
-    -------
-    (…, 6) delta a, lambda, ex, ey, ix, iy [m]
-    """
+    """Return the relative elements between rows of elements, each (…, 6): delta a, lambda, ex, ey, ix, iy [m]."""
     c, d = np.asarray(chief, dtype=float), np.asarray(body, dtype=float)
     a, node = c[..., 0], _wrap_angle(d[..., 5] - c[..., 5])
     parts = (
@@ -288,11 +263,6 @@ def state_from_relative_elements(chief: BodyState, elements_m: np.ndarray) -> Bo
     ----------
     chief : state (…, 3) in inertial axes
     elements_m : (…, 6) delta a, lambda, ex, ey, ix, iy [m]
-
-    Returns
-    -------
-    BodyState
-        in the same axes
     """
     return BodyState(
         *state_from_quasi_nonsingular(

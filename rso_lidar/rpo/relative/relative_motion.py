@@ -52,16 +52,12 @@ class RtnMotion(Part):
         """
 
     def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
-        """Return the instants at which the relative velocity jumps or has a corner.
+        """Return the times since the `start_utc` of `epochs` [s] at which the relative velocity jumps or has a corner.
 
         Parameters
         ----------
         epochs : instants
         chief : trajectory of the chief
-
-        Returns
-        -------
-        times since the `start_utc` of `epochs` [s]
         """
         return np.empty(0)
 

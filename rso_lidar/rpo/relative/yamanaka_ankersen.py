@@ -38,24 +38,12 @@ class YamanakaAnkersen(RelativeState):
     type: Literal["yamanaka_ankersen"] = "yamanaka_ankersen"
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes."""
         start, gm = find_start_state(chief, epochs.start_utc), find_center(chief).gm_m3_s2
         return propagate_yamanaka_ankersen(self.position_m, self.velocity_m_s, epochs.time_s, *start, gm)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        """
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice."""
         start, center = find_start_state(chief, epochs.start_utc), find_center(chief)
         position, _ = self.relative(epochs, chief)
         farthest_m = float(np.linalg.norm(position, axis=1).max(initial=0.0))
@@ -163,7 +151,6 @@ class _ChiefOrbit:
 
         Parameters
         ----------
-        constants : see `constants`
         time_s : (time,) time since the start [s]
         position, velocity : (time, 3) arrays to write into [m], [m/s]
         """
@@ -208,14 +195,7 @@ class _ChiefOrbit:
 def _estimate_second_order_m(
     separation_m: float, position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3_s2: float
 ) -> float:
-    """Return a bound [m] of the neglected second order in one revolution, found by propagating both bodies.
-
-    Parameters
-    ----------
-    separation_m : greatest separation [m]
-    position_m, velocity_m_s : (3,) state of the chief about its central body [m], [m/s]
-    gm_m3_s2 : gravitational parameter of that body [m3/s2]
-    """
+    """Bound the neglected second order [m] in one revolution about a chief's state (3,), by propagating both bodies."""
     e = float(find_eccentricity(position_m, velocity_m_s, gm_m3_s2))
     h = np.cross(position_m, velocity_m_s)
     perigee_m = float(h @ h) / gm_m3_s2 / (1.0 + e)

@@ -78,11 +78,6 @@ class Assembly:
     def add(self, leg: SequenceLeg, keep_out: KeepOutSphere) -> None:
         """Add a leg, with the transfer to it.
 
-        Parameters
-        ----------
-        leg : the leg
-        keep_out : the sphere that its path may not enter
-
         Raises
         ------
         ScenarioError
@@ -110,10 +105,6 @@ class Assembly:
         """Return the plan of all legs.
 
         After its end the last operation continues; one that a condition ended early is followed by free flight.
-
-        Parameters
-        ----------
-        name : of the operation
         """
         assert self.last is not None
         end_s, last = self.now_s, self.last
@@ -161,17 +152,7 @@ class Assembly:
         return float(np.abs(start - self.position_m).max()) > _SAME_PLACE * size_m
 
     def _add_transfer(self, leg: SequenceLeg, own: Plan, keep_out: KeepOutSphere) -> Plan:
-        """Add the transfer to the start of an operation.
-
-        Parameters
-        ----------
-        own : plan of its operation
-        keep_out : the sphere that its path may not enter
-
-        Returns
-        -------
-        the plan of the operation from the arrival on
-        """
+        """Add the transfer to the start of an operation, and return the operation's plan from the arrival on."""
         here, duration_s = (self.position_m, self.before_m_s), leg.transfer_s
         if isinstance(leg, EllipseLeg) and leg.has_free_phase:
             operation = cast(Circumnavigation | SafetyEllipse, leg.make_operation((self.position_m, self.velocity_m_s)))
@@ -193,12 +174,7 @@ class Assembly:
         return self._plan_operation(leg)
 
     def _find_end(self, leg: SequenceLeg, own: Plan) -> tuple[float, str]:
-        """Find the length [s] of a leg from its arrival on, and what ends it.
-
-        Parameters
-        ----------
-        own : plan of its operation
-        """
+        """Find the length [s] of a leg from its arrival on, and what ends it."""
         if leg.until is None:
             return own.duration_s, "plan"
         limit_s = own.duration_s if leg.has_own_end else LONGEST_WAIT * own.revolution_s
@@ -217,13 +193,7 @@ class Assembly:
         )
 
     def _add_path(self, own: Plan, length_s: float) -> None:
-        """Add the path of an operation from the present instant on, and move to its end.
-
-        Parameters
-        ----------
-        own : plan of the operation
-        length_s : for how long it is flown [s]
-        """
+        """Add the path of an operation from the present instant on, and move to its end."""
         now_s, velocity = self.now_s, own.relative(np.zeros(1))[1]
         if length_s <= _LEAST_S:  # nothing is flown, and no impulse is given
             return
@@ -259,7 +229,6 @@ def assemble(
 
     Parameters
     ----------
-    name : of the operation
     legs : the legs, each with the sphere that its path may not enter
     start : position [m] and velocity [m/s] (3,) at the start; None for that of the first leg
 

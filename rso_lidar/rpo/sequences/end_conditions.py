@@ -249,16 +249,7 @@ class AtPassiveSafety(_Bounds):
         return least - self.at_least_m if self.at_most_m is None else self.at_most_m - least
 
     def _least_m(self, flight: LegFlight, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-        """Return the least distance of drifts.
-
-        Parameters
-        ----------
-        position_m, velocity_m_s : states at which the drifts begin (time, 3) [m], [m/s]
-
-        Returns
-        -------
-        (time,) [m]
-        """
+        """Return the least distance (time,) [m] of drifts that begin at states (time, 3)."""
         n = flight.mean_motion_rad_s
         revolution_s = math.tau / n
         horizon_s = self.horizon_s or SAFE_REVOLUTIONS * revolution_s

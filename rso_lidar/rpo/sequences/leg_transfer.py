@@ -31,12 +31,6 @@ def find_transfer_s(
     Parameters
     ----------
     from_state, to_state : position [m] and velocity [m/s], (3,) each, before the first impulse and after the second
-    mean_motion_rad_s : mean motion of the body that is approached [rad/s]
-    keep_out : the sphere that the path may not enter
-
-    Returns
-    -------
-    duration [s]
     """
     n = mean_motion_rad_s
     durations_s = np.linspace(_SHORTEST, _LONGEST, _DURATIONS) * math.tau / n
@@ -51,7 +45,7 @@ def find_insertion(
     keep_out: KeepOutSphere,
     duration_s: float | None,
 ) -> tuple[float, float]:
-    """Find the cheapest two-impulse transfer onto an ellipse: where it arrives, and how long it takes.
+    """Find the cheapest two-impulse transfer onto an ellipse: the phase at which it arrives [deg], and its duration [s].
 
     72 phases are compared at the durations of `find_transfer_s`, then more of both about the best, four times finer
     each time. Transfers that enter the keep-out sphere are left out, unless all do.
@@ -60,13 +54,7 @@ def find_insertion(
     ----------
     from_state : position [m] and velocity [m/s], (3,) each, before the first impulse
     find_states : function of phases (…) [deg] and the mean motion that returns the states (…, 3) on the ellipse
-    mean_motion_rad_s : mean motion of the body that is approached [rad/s]
-    keep_out : the sphere that the path may not enter
     duration_s : duration of the transfer; None for the cheapest [s]
-
-    Returns
-    -------
-    phase [deg] and duration [s]
     """
     n = mean_motion_rad_s
     revolution_s = math.tau / n
@@ -107,8 +95,6 @@ def _find_costs(
     from_state : position [m] and velocity [m/s], (3,) each, before the first impulse
     to_state : positions [m] and velocities [m/s], (…, 3) each, after the second impulse
     durations_s : (…) times of the transfers [s]
-    mean_motion_rad_s : mean motion of the body that is approached [rad/s]
-    keep_out : the sphere that the path may not enter
     """
     n, (start, before), (aim, after) = mean_motion_rad_s, from_state, to_state
     departure, arrival = solve_departures_m_s(start, aim, durations_s, n)
@@ -131,7 +117,6 @@ def solve_departures_m_s(
     ----------
     from_m, to_m : (…, 3) positions in rtn axes [m]
     durations_s : (…) times of the transfers [s], none a multiple of half a revolution
-    mean_motion_rad_s : mean motion of the body that is approached [rad/s]
 
     Returns
     -------

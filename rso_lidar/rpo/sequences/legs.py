@@ -36,6 +36,7 @@ class SequenceLeg(ProximityOperation):
 
     is_endless: ClassVar[bool] = False  # whether the operation ends by `duration_s` only
     operation: ClassVar[type[ProximityOperation]]
+    start_key: ClassVar[str] = ""  # the operation's key of a position at which it begins, which a leg may leave out
 
     relative_to: Name | None = Field(  # type: ignore[assignment]
         default=None, description="Name of the body that is approached, which is that of the sequence if omitted."
@@ -65,7 +66,8 @@ class SequenceLeg(ProximityOperation):
         ----------
         state : position [m] and velocity [m/s] (3,) at which the last leg ended; None at the first leg
         """
-        return {}
+        key = self.start_key
+        return {key: tuple(_need(state, key)[0].tolist())} if key and getattr(self, key) is None else {}
 
     @property
     def has_own_end(self) -> bool:
@@ -130,19 +132,17 @@ class HopLeg(SequenceLeg, Hop):
     """Leg of a sequence: a two-impulse transfer to `to_m`, from rest or from any velocity; see `Hop`."""
 
     operation = Hop
+    start_key = "from_m"
     from_m: Vector | None = Field(  # type: ignore[assignment]
         default=None, description="Position of departure in rtn axes [m]. If omitted, where the last leg ended."
     )
-
-    def start_values(self, state: State | None) -> dict[str, Any]:
-        """Return the start of the operation; see `SequenceLeg`."""
-        return {} if self.from_m is not None else {"from_m": tuple(_need(state, "from_m")[0].tolist())}
 
 
 class GlideslopeLeg(SequenceLeg, Glideslope):
     """Leg of a sequence: a straight line flown by pulses at a commanded speed; see `Glideslope`."""
 
     operation = Glideslope
+    start_key = "from_m"
     from_m: Vector | None = Field(  # type: ignore[assignment]
         default=None, description="Initial position in rtn axes [m]. If omitted, where the last leg ended."
     )
@@ -152,10 +152,6 @@ class GlideslopeLeg(SequenceLeg, Glideslope):
         if self.from_m is not None:
             self.make_operation(None)
         return self
-
-    def start_values(self, state: State | None) -> dict[str, Any]:
-        """Return the start of the operation; see `SequenceLeg`."""
-        return {} if self.from_m is not None else {"from_m": tuple(_need(state, "from_m")[0].tolist())}
 
 
 class PerchLeg(SequenceLeg, Perch):
@@ -169,13 +165,10 @@ class PulsedHoldLeg(SequenceLeg, PulsedStationKeeping):
     """Leg of a sequence: a position kept by pulses; see `PulsedStationKeeping`."""
 
     operation = PulsedStationKeeping
+    start_key = "position_m"
     position_m: Vector | None = Field(  # type: ignore[assignment]
         default=None, description="Position that is kept, in rtn axes [m]. If omitted, where the last leg ended."
     )
-
-    def start_values(self, state: State | None) -> dict[str, Any]:
-        """Return the start of the operation; see `SequenceLeg`."""
-        return {} if self.position_m is not None else {"position_m": tuple(_need(state, "position_m")[0].tolist())}
 
 
 class HoldLeg(SequenceLeg, StationKeeping):
@@ -183,13 +176,10 @@ class HoldLeg(SequenceLeg, StationKeeping):
 
     is_endless = True
     operation = StationKeeping
+    start_key = "position_m"
     position_m: Vector | None = Field(  # type: ignore[assignment]
         default=None, description="Position that is held, in rtn axes [m]. If omitted, where the last leg ended."
     )
-
-    def start_values(self, state: State | None) -> dict[str, Any]:
-        """Return the start of the operation; see `SequenceLeg`."""
-        return {} if self.position_m is not None else {"position_m": tuple(_need(state, "position_m")[0].tolist())}
 
 
 class _AxisLeg(SequenceLeg):
@@ -290,12 +280,7 @@ class ForcedCircumnavigationLeg(SequenceLeg, ForcedCircumnavigation):
     operation = ForcedCircumnavigation
 
     def find_step_s(self, mean_motion_rad_s: float) -> float:
-        """Return the step at which the path is searched for its end [s]; see `SequenceLeg`.
-
-        Parameters
-        ----------
-        mean_motion_rad_s : mean motion of the body that is approached [rad/s]
-        """
+        """Return the step at which the path is searched for its end [s]; see `SequenceLeg`."""
         return min(super().find_step_s(mean_motion_rad_s), self.turn_s / _PER_REVOLUTION)
 
 

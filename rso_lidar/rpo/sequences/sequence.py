@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import datetime
 import functools
+from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.orbit import Epochs, Trajectory
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit import Epochs, Trajectory, angle_rad
 from rso_lidar.part import Positive, Vector
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.limits import MOST_PIECES, Velocity
+from rso_lidar.rpo.limits import LONGEST_S, MOST_PIECES, Velocity, format_years
 from rso_lidar.rpo.plans.keep_out import KeepOutSphere
 from rso_lidar.rpo.plans.operation import ProximityOperation, check_lengths
 from rso_lidar.rpo.plans.plan import Plan
@@ -21,8 +23,10 @@ from rso_lidar.rpo.relative.hill import find_mean_motion_rad_s, find_start_state
 from rso_lidar.rpo.sequences.assembly import assemble
 from rso_lidar.rpo.sequences.leg_flight import SunOverChief
 from rso_lidar.rpo.sequences.legs import AnyLeg, SequenceLeg
-from rso_lidar.rpo.sequences.plan_limits import PlanLimits
 from rso_lidar.rpo.sequences.sequence_plan import SequencePlan
+
+_SAMPLES = 200  # of the thrust of a forced stretch
+_LEAST_M_S2 = 1e-12  # a thrust below this is rounding
 
 
 class Sequence(ProximityOperation):
@@ -82,17 +86,6 @@ class Sequence(ProximityOperation):
             raise ValueError("plume_half_angle_deg: belongs to plume_range_m; give both, or neither")
         return self
 
-    @property
-    def limits(self) -> PlanLimits:
-        """Limits of the whole plan."""
-        return PlanLimits(
-            self.max_delta_v_m_s,
-            self.max_impulse_m_s,
-            self.max_acceleration_m_s2,
-            self.plume_half_angle_deg,
-            self.plume_range_m,
-        )
-
     def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Make the plan about a body on a circular orbit; conditions of the Sun need `plan`, which knows the date."""
         radius = float(np.cbrt(units.EARTH_GM_M3_S2 / mean_motion_rad_s**2))
@@ -101,11 +94,6 @@ class Sequence(ProximityOperation):
 
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> SequencePlan:
         """Return the plan: legs, impulses, costs and safety.
-
-        Parameters
-        ----------
-        start_utc : start of the plan
-        chief : trajectory of the chief
 
         Raises
         ------
@@ -117,14 +105,7 @@ class Sequence(ProximityOperation):
         return _plan_sequence(self, start_utc, tuple(position.tolist()), tuple(velocity.tolist()))
 
     def check_positions(self, epochs: Epochs, chief: Trajectory, position_m: np.ndarray) -> None:
-        """Check that the path does not enter the keep-out sphere of the leg at each epoch; else raise `ScenarioError`.
-
-        Parameters
-        ----------
-        epochs : instants
-        chief : trajectory of the chief
-        position_m : (time, 3) positions at the epochs in rtn axes [m]
-        """
+        """Check that the path does not enter the keep-out sphere of the leg at each epoch; else raise `ScenarioError`."""
         ends = np.array([part.end_s for part in self.plan(epochs.start_utc, chief).parts])
         leg = np.minimum(np.searchsorted(ends, epochs.time_s), len(self.legs) - 1)
         for k in np.unique(leg):
@@ -156,11 +137,6 @@ def _plan_sequence(
     ----------
     start_utc : start of the plan; None where the date is unknown
     chief_m, chief_m_s : (3,) state of the chief in inertial axes [m], [m/s]
-
-    Raises
-    ------
-    ScenarioError
-        if the plan cannot be carried out, exceeds a limit, or enters the keep-out sphere
     """
     chief = BodyState(np.array(chief_m), np.array(chief_m_s))
     check_lengths(part, mean_motion_of_state(chief.position_m, chief.velocity_m_s))
@@ -169,5 +145,63 @@ def _plan_sequence(
         start = np.array(part.position_m), np.array(part.velocity_m_s or (0.0, 0.0, 0.0))
     legs = [(leg, part.sphere_of(leg)) for leg in part.legs]
     plan = assemble(part.name, legs, SunOverChief(start_utc, chief), start)
-    part.limits.check(plan)
+    _check_limits(part, plan)
     return plan
+
+
+def _check_limits(part: Sequence, plan: Plan) -> None:
+    """Raise `ScenarioError` if a plan exceeds a limit; the message names the key."""
+    if plan.duration_s > LONGEST_S:
+        raise ScenarioError(
+            f"legs: the plan takes {format_years(plan.duration_s)} years, and plans are for up to "
+            f"{format_years(LONGEST_S)}; give shorter legs"
+        )
+    if part.max_delta_v_m_s is not None and (total_m_s := plan.delta_v_m_s) > part.max_delta_v_m_s:
+        raise ScenarioError(
+            f"max_delta_v_m_s: the plan needs {total_m_s:.5g} m/s, more than {part.max_delta_v_m_s:g} m/s; give longer "
+            "transfers or shorter holds, or raise the limit"
+        )
+    largest = max(plan.impulses, key=lambda impulse: impulse.size_m_s, default=None)
+    if part.max_impulse_m_s is not None and largest is not None and largest.size_m_s > part.max_impulse_m_s:
+        raise ScenarioError(
+            f"max_impulse_m_s: the impulse at {largest.time_s:.1f} s is {largest.size_m_s:.5g} m/s, more than "
+            f"{part.max_impulse_m_s:g} m/s; give a longer transfer, or raise the limit"
+        )
+    if part.max_acceleration_m_s2 is not None:
+        for times_s, control in _sample_thrust(plan):
+            size = np.linalg.norm(control, axis=1)
+            if (largest_m_s2 := float(size.max())) > part.max_acceleration_m_s2:
+                raise ScenarioError(
+                    f"max_acceleration_m_s2: at {times_s[np.argmax(size)]:.1f} s thrust accelerates by "
+                    f"{largest_m_s2:.4g} m/s2, more than {part.max_acceleration_m_s2:g} m/s2; fly slower or nearer to the "
+                    "V-bar, or raise the limit"
+                )
+    if part.plume_half_angle_deg is not None and part.plume_range_m is not None:
+        _check_plume(plan, part.plume_half_angle_deg, part.plume_range_m)
+
+
+def _check_plume(plan: Plan, half_angle_deg: float, range_m: float) -> None:
+    """Raise `ScenarioError` if exhaust points within an angle of the body while it is nearer than a range."""
+    at_once = [(np.array([impulse.time_s]), impulse.delta_v_m_s[None]) for impulse in plan.impulses]
+    for times_s, push in sorted([*at_once, *_sample_thrust(plan)], key=lambda pair: float(pair[0][0])):
+        position, _ = plan.relative(times_s)
+        away_m = np.linalg.norm(position, axis=1)
+        # the exhaust is opposite to the push, and the body opposite to the position
+        off_rad = angle_rad(push, position)
+        hits = (off_rad < half_angle_deg * units.DEG) & (away_m < range_m)
+        hits &= np.linalg.norm(push, axis=1) > _LEAST_M_S2
+        if hits.any():
+            k = int(np.argmax(hits))
+            raise ScenarioError(
+                f"plume_half_angle_deg: at {times_s[k]:.1f} s, {away_m[k]:.4g} m away, the body is "
+                f"{off_rad[k] / units.DEG:.1f} deg off the exhaust, less than {half_angle_deg:g} deg; brake farther "
+                "out, approach from another side, or shrink plume_range_m"
+            )
+
+
+def _sample_thrust(plan: Plan) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield instants (time,) [s] and the acceleration of thrust (time, 3) [m/s2] of each forced stretch."""
+    for leg, begin_s, end_s in plan.stretches():
+        if leg.acceleration_m_s2 is not None and end_s > begin_s:
+            times_s = np.linspace(begin_s, end_s, _SAMPLES, endpoint=False)
+            yield times_s, plan.control_m_s2(times_s)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rso_lidar.rpo.plans.plan import Plan
-from rso_lidar.rpo.plans.plan_text import format_length, format_rows
+from rso_lidar.rpo.plans.plan import Plan, format_length, format_rows
 
 
 @dataclass(frozen=True)

@@ -68,18 +68,13 @@ class EstimatedOrbit:
 def propagate_state(
     vector: np.ndarray, time_s: np.ndarray, epoch_s: float, start_utc: datetime.datetime, forces: Forces | None
 ) -> BodyState:
-    """Propagate a state to instants.
+    """Propagate a state to instants (time), in GCRS axes.
 
     Parameters
     ----------
     vector : (6) position [m] and velocity [m/s] at `epoch_s` in GCRS axes
     time_s : (time) instants since `start_utc` [s]
-    epoch_s : instant of the state [s]
     forces : besides the central attraction; None for two-body motion
-
-    Returns
-    -------
-    states (time) in GCRS axes
     """
     if forces is None:
         return BodyState(*propagate_two_body(vector[:3], vector[3:], time_s - epoch_s))

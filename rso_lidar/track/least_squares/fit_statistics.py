@@ -38,10 +38,6 @@ class FitStatistics:
         ----------
         time_s : (measurement) instants of its measurements [s]
         solution : with residuals and chi-square
-
-        Returns
-        -------
-        FitStatistics
         """
         return cls(
             time_s, solution.residual, solution.square, solution.used, solution.chi2, solution.degrees_of_freedom

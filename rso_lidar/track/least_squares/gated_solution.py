@@ -84,10 +84,6 @@ def whiten_each(values: np.ndarray, factor: np.ndarray) -> np.ndarray:
     ----------
     values : (measurement, row, column)
     factor : (measurement, row, row) lower Cholesky factors of their covariances
-
-    Returns
-    -------
-    (measurement, row, column)
     """
     white: np.ndarray = np.linalg.solve(factor, values)
     return white
@@ -119,10 +115,6 @@ def solve_gated(
         column) with unit covariance, where errors of measurements are correlated (None: independent ones)
     gate : probability that a measurement without fault is kept
     name : start of error messages
-
-    Returns
-    -------
-    GatedSolution
 
     Raises
     ------

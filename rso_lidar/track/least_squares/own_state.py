@@ -197,16 +197,5 @@ def describe_forces(forces: Forces | None) -> str:
 
 
 def format_fit_row(head: str, values: np.ndarray, form: str) -> str:
-    """Format a row of the table of a fit: a heading and numbers.
-
-    Parameters
-    ----------
-    head : heading, padded to 16 characters
-    values : (n,) numbers
-
-    Returns
-    -------
-    str
-        the row
-    """
+    """Format a row of the table of a fit: a heading, padded to 16 characters, and numbers."""
     return f"{head:<16}" + "  ".join(f"{value:{form}}" for value in values)

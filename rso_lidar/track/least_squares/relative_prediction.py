@@ -67,12 +67,7 @@ class RelativePrediction:
         )
 
     def predict(self, relative: np.ndarray) -> np.ndarray:
-        """Return the positions (time, 3) [m] of the target minus the follower in GCRS axes.
-
-        Parameters
-        ----------
-        relative : (6) relative state [m], [m/s]
-        """
+        """Return the positions (time, 3) [m] of the target minus the follower in GCRS axes."""
         target = self.find_target(relative)
         there = target.states(self._epochs)
         if self._motion == "nonlinear":
@@ -87,10 +82,6 @@ class RelativePrediction:
 
         They are those of linear motion. The ratio of the distance to the orbit's radius, and J2, change them by a thousandth
         near the target.
-
-        Parameters
-        ----------
-        relative : (6) relative state [m], [m/s]
         """
         target = self.find_target(relative)
         there = target.states(self._epochs)
@@ -98,12 +89,7 @@ class RelativePrediction:
         return np.asarray(-axes @ self._propagate(np.eye(6), target))
 
     def differentiate_own(self, relative: np.ndarray) -> np.ndarray:
-        """Return the derivatives (time, 3, 6) of the positions with respect to the follower's state, for two-body motion.
-
-        Parameters
-        ----------
-        relative : (6) relative state [m], [m/s]
-        """
+        """Return the derivatives (time, 3, 6) of the positions with respect to the follower's state, for two-body motion."""
         bare = EstimatedOrbit(
             self._own.start_utc,
             self._own.epoch_s,
@@ -129,12 +115,7 @@ class RelativePrediction:
         return apart
 
     def _propagate(self, columns: np.ndarray, target: ReferenceOrbit) -> np.ndarray:
-        """Return positions (time, 3, column) in the target's rtn axes of relative states (6, column), by linear motion.
-
-        Parameters
-        ----------
-        columns : (6, column)
-        """
+        """Return positions (time, 3, column) in the target's rtn axes of relative states (6, column), by linear motion."""
         at = np.array(target.position_m), np.array(target.velocity_m_s)
         flown = []
         for start in columns.T:

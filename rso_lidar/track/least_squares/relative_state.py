@@ -80,10 +80,6 @@ class RelativeOrbitFit:
         Parameters
         ----------
         position_m, velocity_m_s : (3) true relative state [m], [m/s]
-
-        Returns
-        -------
-        the NEES, whose mean is 6
         """
         error = np.concatenate([self.position_m - position_m, self.velocity_m_s - velocity_m_s])
         return normalize_error(error, self.covariance)
@@ -215,7 +211,7 @@ def fit_relative_state(
     prior_sigma = np.concatenate([np.full(6, np.inf), bias.offset_sigma_m, turn_sigma])
     free = np.flatnonzero(prior_sigma > 0.0)
     start = np.concatenate([np.zeros(6), bias.offset_m, np.zeros(3)])
-    start[_STATE] = _find_start(line, flown, prediction)
+    start[_STATE] = _find_start(line, prediction)
     measured_m = np.linalg.norm(line, axis=1)
 
     def expand(values: np.ndarray) -> np.ndarray:
@@ -279,13 +275,8 @@ def find_sight_axes(line_m: np.ndarray, own: BodyState) -> np.ndarray:
     return np.stack([along, across, np.cross(along, across)], axis=1)
 
 
-def _find_start(line: np.ndarray, flown: BodyState, prediction: RelativePrediction) -> np.ndarray:
-    """Return a relative state (6) from a linear fit of all measurements, with the target's axes as those of the follower.
-
-    Parameters
-    ----------
-    line : (measurement, 3) target minus follower [m]
-    """
+def _find_start(line: np.ndarray, prediction: RelativePrediction) -> np.ndarray:
+    """Fit a relative state (6) linearly to all lines (measurement, 3) [m], with the target's axes as the follower's."""
     slopes = prediction.differentiate(np.zeros(6))
     state: np.ndarray = np.linalg.lstsq(slopes.reshape(-1, 6), line.ravel(), rcond=None)[0]
     return state

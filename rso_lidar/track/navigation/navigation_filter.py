@@ -8,6 +8,7 @@ Apart from these, the filter has the error models of the simulation, so it is a 
 from __future__ import annotations
 
 import copy
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
@@ -15,11 +16,11 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.pose import matrix_from_vector, skew
 from rso_lidar.track.navigation.navigation_estimate import NavigationEstimate, NavigationUpdate
-from rso_lidar.track.navigation.sensor_processes import SensorProcesses
 from rso_lidar.track.navigation.two_orbits import STATES, predict_orbits
 
 if TYPE_CHECKING:
     from rso_lidar.sensors import Gnss, Gyro, RelativeGnss, StarTracker
+
 
 # Error states: both orbits in inertial axes [m], [m/s], the small rotation of the body in its axes [rad], the noise of two
 # samples of the gyro [rad/s], then the processes of the sensors. CORE is the number of those in an estimate.
@@ -330,3 +331,37 @@ def _require(part: _Sensor | None, name: str) -> _Sensor:
     if part is None:
         raise ScenarioError(f"navigation: the filter has no {name}; give the part when the filter is made")
     return part
+
+
+@dataclass(frozen=True, eq=False)
+class SensorProcesses:
+    """The processes of one sensor among the error states, in the units of its channels."""
+
+    places: np.ndarray  # (process) indices of the states
+    channels: np.ndarray  # (process) to which each is added
+    start: np.ndarray  # (process) variance at the start
+    decay: np.ndarray  # (process) over one second; 1 for random walks and constants
+    variance: np.ndarray  # (process) stationary, where the decay is below 1
+    growth: np.ndarray  # (process) of the variance in one second, where it is not
+
+    @staticmethod
+    def of(part: Any, first: int) -> SensorProcesses:
+        """Return the processes of a sensor whose values `measure` adds to its channels, as states from `first` on."""
+        model = part.error_model
+        kept = np.flatnonzero(model.channel >= 0)  # -1: not added, such as a scale factor
+        decay, drive, start = model.process[kept].T
+        steady = decay < 1.0
+        return SensorProcesses(
+            first + np.arange(len(kept)),
+            model.channel[kept],
+            start**2,
+            decay**part.rate_hz,
+            np.where(steady, start**2, 0.0),
+            np.where(steady, 0.0, drive**2 * part.rate_hz),
+        )
+
+    def spread(self, count: int, size: int) -> np.ndarray:
+        """Return the matrix (channel, state) that adds the processes to the channels of their sensor."""
+        matrix = np.zeros((count, size))
+        matrix[self.channels, self.places] = 1.0
+        return matrix

@@ -198,7 +198,6 @@ def _advance(
     Parameters
     ----------
     rates : instants and samples of the gyro that it has not been given
-    until_s : the instant [s]
     """
     updates: dict[str, Any] = {
         "star_tracker": navigation.update_attitude,

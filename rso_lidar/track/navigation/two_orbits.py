@@ -29,12 +29,7 @@ def accelerate(position_m: np.ndarray, *, oblate: bool) -> np.ndarray:
 
 
 def find_gradient(position_m: np.ndarray) -> np.ndarray:
-    """Return the gradient (3, 3) [1/s²] of a point mass's gravity; J2 changes it by a thousandth.
-
-    Parameters
-    ----------
-    position_m : (3) in inertial axes [m]
-    """
+    """Return the gradient (3, 3) [1/s²] of a point mass's gravity at a position (3); J2 changes it by a thousandth."""
     square = float(position_m @ position_m)
     return np.asarray(_GM / (square * np.sqrt(square)) * (3.0 / square * np.outer(position_m, position_m) - np.eye(3)))
 
@@ -60,7 +55,6 @@ def predict_orbits(
     Parameters
     ----------
     state : (12) position [m] and velocity [m/s] of the follower, then of the target relative to it, in inertial axes
-    step_s : length of the step [s]
     own_m_s2_sqrt_hz, target_m_s2_sqrt_hz : roots of the spectral densities of the white accelerations of the follower and of
         the target that are not modelled, each axis [m/s²/√Hz]
     oblate : whether the Earth's J2 acts

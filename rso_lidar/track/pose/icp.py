@@ -211,12 +211,7 @@ def misfit_m(
 
 
 def _find_returning(model: SampledMesh, nearest: np.ndarray) -> np.ndarray:
-    """Return whether the body, or a hinge with enough points to turn it, carries each point of a mesh.
-
-    Parameters
-    ----------
-    nearest : numbers (n) of the points of the mesh that are nearest to those of a cloud
-    """
+    """Return whether the body, or a hinge with enough of the `nearest` points to turn it, carries each point of a mesh."""
     assert model.hinge_of is not None
     n_points = np.bincount(model.hinge_of[nearest] + 1, minlength=len(model.hinges) + 1)
     returning: np.ndarray = (model.hinge_of < 0) | (n_points >= _FEWEST_ON_HINGE)[model.hinge_of + 1]

@@ -87,8 +87,8 @@ def align_again(points_m: np.ndarray, model: SampledMesh, alignment: Alignment, 
 
     Parameters
     ----------
-    points_m : points (n, 3) in lidar axes [m]
     steps : greatest number of steps; None for the default of `align`
+    points_m : points (n, 3) in lidar axes [m], here as in all functions of this module
     """
     posed = model.turn_hinges(alignment.hinge_angles_rad)
     return align(points_m, posed, alignment.pose) if steps is None else align(points_m, posed, alignment.pose, steps)
@@ -97,12 +97,7 @@ def align_again(points_m: np.ndarray, model: SampledMesh, alignment: Alignment, 
 def _improve_hinges(
     points_m: np.ndarray, model: SampledMesh, alignment: Alignment, steps: int | None = None
 ) -> Alignment:
-    """Return an alignment at better hinge angles where there are any.
-
-    Parameters
-    ----------
-    points_m, steps : as in `align_again`
-    """
+    """Return an alignment at better hinge angles where there are any."""
     other, gain = search_hinges(points_m, model, alignment)
     return align_again(points_m, model, other, steps) if gain > LIKELIER else alignment
 
@@ -110,12 +105,7 @@ def _improve_hinges(
 def measure_misfit_m(
     alignment: Alignment, model: SampledMesh, points_m: np.ndarray, outline: Any, half_field_rad: HalfField
 ) -> float:
-    """Measure the misfit of an alignment [m], with the hinges at its angles.
-
-    Parameters
-    ----------
-    points_m, outline, half_field_rad : as in `misfit_m`
-    """
+    """Measure the misfit of an alignment [m], with the hinges at its angles."""
     posed = model.turn_hinges(alignment.hinge_angles_rad)
     return misfit_m(alignment.pose, posed, points_m, outline, half_field_rad)
 
@@ -126,10 +116,6 @@ def search_hinges(points_m: np.ndarray, model: SampledMesh, alignment: Alignment
     For each hinge, angles over the whole circle are compared by the distances of points from the planes of their facets,
     each limited. The best one is aligned together with the pose. A flat array that is turned by half a turn looks the same,
     so that of two such angles the present one is kept.
-
-    Parameters
-    ----------
-    points_m : points (n, 3) in lidar axes [m]
 
     Returns
     -------
@@ -156,16 +142,7 @@ def search_hinges(points_m: np.ndarray, model: SampledMesh, alignment: Alignment
 
 
 def keep_sides(points_m: np.ndarray, model: SampledMesh, alignment: Alignment) -> Alignment:
-    """Turn each hinge by half a turn where that is nearer to the model's angle and the points do not tell the two apart.
-
-    Parameters
-    ----------
-    points_m : points (n, 3) in lidar axes [m]
-
-    Returns
-    -------
-    the alignment, with its hinges within a quarter of a turn of the model's where the points allow it
-    """
+    """Turn each hinge by half a turn where that is nearer to the model's angle and the points do not tell the two apart."""
     for hinge, near_rad in zip(model.hinges, model.hinge_angles_rad, strict=True):
         angle_rad = alignment.hinge_angles_rad[hinge.name]
         half_turns = int(np.round((angle_rad - near_rad) / np.pi))
@@ -220,19 +197,13 @@ def _compare(count: int, first_m2: float, other_m2: float) -> float:
 
     Parameters
     ----------
-    count : number of points
     first_m2, other_m2 : mean square distances of the alignments [m2]
     """
     return 0.5 * count * (first_m2 / other_m2 - 1.0)
 
 
 def _measure_alignment_m2(points_m: np.ndarray, model: SampledMesh, alignment: Alignment) -> float:
-    """Measure the mean square distance [m2] of points from planes at an alignment, each limited.
-
-    Parameters
-    ----------
-    points_m : points (n, 3) in lidar axes [m]
-    """
+    """Measure the mean square distance [m2] of points from planes at an alignment, each limited."""
     posed = model.turn_hinges(alignment.hinge_angles_rad)
     return float(_measure_planes_m2(alignment.pose.inv().apply(points_m)[None], posed)[0])
 
@@ -245,11 +216,6 @@ def search_turns(
     A body that is nearly round about an axis is aligned at any turn about it. What is not round, such as tanks, brackets
     and nozzles, then lies beside the model, and the distances of points from the planes of their facets show it. Each
     distance is limited, so that a few points do not outweigh the rest. The likeliest turns of 15 degrees each are aligned.
-
-    Parameters
-    ----------
-    points_m : points (n, 3) in lidar axes [m]
-    half_field_rad : as in `misfit_m`
 
     Returns
     -------
@@ -285,12 +251,7 @@ def search_turns(
 
 
 def _measure_planes_m2(clouds_m: np.ndarray, model: SampledMesh) -> np.ndarray:
-    """Measure the mean square distance (cloud) [m2] of points from the planes of their nearest facets, each limited.
-
-    Parameters
-    ----------
-    clouds_m : points (cloud, n, 3) in body axes [m]
-    """
+    """Measure mean square distances (cloud) [m2] of points (cloud, n, 3) from their nearest facets' planes, each limited."""
     _, nearest = model.find_nearest(clouds_m.reshape(-1, 3))
     off = ((clouds_m.reshape(-1, 3) - model.points_m[nearest]) * model.normals[nearest]).sum(axis=1)
     limited = np.minimum(np.abs(off), _FAR * model.radius_m)
@@ -299,16 +260,7 @@ def _measure_planes_m2(clouds_m: np.ndarray, model: SampledMesh) -> np.ndarray:
 
 
 def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> list[Alignment]:
-    """Select poses that differ, first those whose long axes do.
-
-    Parameters
-    ----------
-    count : greatest number of poses to select
-
-    Returns
-    -------
-    the selected poses, the best first
-    """
+    """Select poses that differ, first those whose long axes do."""
     chosen: list[Alignment] = []
     for by_axis in (True, False):
         for alignment in ranked:
@@ -320,16 +272,7 @@ def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> l
 
 
 def _angle_between_rad(first: Alignment, second: Alignment, model: SampledMesh, by_axis: bool) -> float:
-    """Compute the angle between two poses [rad].
-
-    Parameters
-    ----------
-    by_axis : whether to compare the directions of the long axis only
-
-    Returns
-    -------
-    angle from 0 to pi [rad]
-    """
+    """Compute the angle between two poses, or between the directions of their long axes [rad]."""
     if by_axis:
         a, b = (alignment.pose.rotation.apply(model.long_axis) for alignment in (first, second))
         return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))

@@ -47,15 +47,11 @@ class MeshHinge:
         return turned
 
     def make_rotation(self, angle_rad: float) -> Rotation:
-        """Return the rotation about the hinge line.
+        """Return the rotation about the hinge line, in body axes.
 
         Parameters
         ----------
         angle_rad : right-handed angle [rad]
-
-        Returns
-        -------
-        rotation in body axes
         """
         from scipy.spatial.transform import Rotation
 
@@ -118,15 +114,11 @@ class SampledMesh:
         return float(np.sqrt(((self.points_m - self.middle_m) ** 2).sum(axis=1).max()))
 
     def turn_hinges(self, angles_rad: Mapping[str, float]) -> SampledMesh:
-        """Return the mesh with its hinges at other angles.
+        """Return the mesh with its hinges at other angles; itself where no angle is given.
 
         Parameters
         ----------
         angles_rad : angle of each hinge by its name [rad], right-handed from the mesh at zero; those not named stay
-
-        Returns
-        -------
-        the mesh; itself where no angle is given
 
         Raises
         ------
@@ -259,13 +251,7 @@ def sample_mesh(
 
 
 def _check_hinges(hinges: Sequence[MeshHinge], hinge_of_facet: np.ndarray | None, facets: int) -> np.ndarray:
-    """Check the hinges of a mesh, and return the hinge of each facet.
-
-    Parameters
-    ----------
-    hinge_of_facet : (facet) index of the hinge of each facet, -1 for the body
-    facets : number of facets
-    """
+    """Check the hinges of a mesh, and return the hinge of each facet (facet), -1 for the body."""
     of_facet = np.asarray(-1 if hinge_of_facet is None else hinge_of_facet)
     if of_facet.shape != (facets,) or of_facet.min() < -1 or of_facet.max() >= len(hinges):
         raise ScenarioError(

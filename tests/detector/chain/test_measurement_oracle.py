@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Gsfl, detect
+from rso_lidar.detector.chain import measurement
 from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measurement import measure
-from rso_lidar.detector.ranging import location, report
+from rso_lidar.detector.ranging import location
 from tests.detector.returns_for_tests import nothing, returns
 from tests.reference.detector import fitting as fitting_reference
 from tests.reference.detector import report as report_reference
@@ -47,7 +48,7 @@ def test_the_reference_reads_the_same(settings, light, monkeypatch):
     one = measure(camera.processor, waveforms, np.random.default_rng(3))
     monkeypatch.setattr(location, "fit_first_pulses", fitting_reference.fit_first_pulses)
     monkeypatch.setattr(location, "fit_all_pulses", fitting_reference.fit_all_pulses)
-    monkeypatch.setattr(report, "report_traces", report_reference.report_traces)
+    monkeypatch.setattr(measurement, "report_traces", report_reference.report_traces)
     other = measure(camera.processor, waveforms, np.random.default_rng(3))
     assert not light or np.isfinite(one.range_m).mean() > 0.3
     for field in fields(one):
@@ -62,4 +63,4 @@ def test_the_reference_reads_the_same(settings, light, monkeypatch):
 def test_the_loop_compiles_once():
     for gsfl in (Gsfl(), Gsfl(max_returns=3), Gsfl(gate={"delay_ns": 5900.0, "width_ns": 900.0})):
         detect(photons(), gsfl, np.random.default_rng(4))
-    assert len(report.report_traces.dispatcher.signatures) == 1
+    assert len(measurement.report_traces.dispatcher.signatures) == 1

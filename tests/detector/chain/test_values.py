@@ -27,7 +27,7 @@ from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.ranging.gate_threshold import GateThresholds
 from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import noise_covariance
-from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.settings.apd import noise_rms
 from rso_lidar.detector.stages import comparator
 from rso_lidar.detector.stages.comparator import Bridge
 from rso_lidar.detector.stages.crossing_rate import rice_rate

@@ -7,8 +7,7 @@ import pytest
 from scipy import signal, stats
 
 from rso_lidar.detector import Apd
-from rso_lidar.detector.settings.apd import cumulants
-from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.settings.apd import cumulants, noise_rms
 from rso_lidar.detector.stages.avalanche import mcintyre_pmf
 from rso_lidar.detector.stages.crossing_rate import false_alarm_rate, rice_rate
 from tests.detector.row_noise_for_tests import multiply

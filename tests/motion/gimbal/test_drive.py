@@ -7,8 +7,7 @@ from scipy.linalg import expm
 from rso_lidar.errors import ScenarioError
 from rso_lidar.kernels import packed
 from rso_lidar.motion import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
-from rso_lidar.motion.gimbal.drive import advance_first_order, advance_second_order, second_order_transition
-from rso_lidar.motion.gimbal.ptu import TICK_S
+from rso_lidar.motion.gimbal.drive import TICK_S, advance_first_order, advance_second_order, second_order_transition
 from rso_lidar.units import DEG
 from tests.reference.motion.gimbal import drive as reference
 

@@ -10,7 +10,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import Body, Fixed, truth
 from rso_lidar.orbit import Epochs, State, sun_position_m, sunlit_fraction
-from rso_lidar.orbit.sky.sun import _mean_of_date_m, sun_direction
+from rso_lidar.orbit.sky.sun import _mean_of_date_m
 
 WORST_DEG = 0.0105  # of this formula against ERFA's epv00 with aberration, 2000 to 2050
 
@@ -19,6 +19,11 @@ SUN_RADIUS_M = 6.957e8  # IAU 2015 resolution B3
 
 def at(*parts):
     return Epochs(datetime.datetime(*parts, tzinfo=datetime.UTC), np.zeros(1))
+
+
+def sun_direction(epochs):
+    position = sun_position_m(epochs)
+    return position / np.linalg.norm(position, axis=1, keepdims=True)
 
 
 def separation_deg(a, b):

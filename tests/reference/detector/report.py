@@ -1,10 +1,10 @@
-"""Reports of the focal plane in NumPy: the oracle of `rso_lidar.detector.ranging.report`."""
+"""Reports of the focal plane in NumPy: the oracle of `rso_lidar.detector.chain.measurement`."""
 
 import math
 
 import numpy as np
 
-from rso_lidar.detector.ranging.report import LAST, STRONGEST
+from rso_lidar.detector.chain.measurement import LAST, STRONGEST
 
 
 def report_traces(

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from rso_lidar.detector.chain import analog, range_gate, traces
-from rso_lidar.detector.ranging import location, report
+from rso_lidar.detector.chain import analog, full, measurement, traces
+from rso_lidar.detector.ranging import location
 from rso_lidar.detector.stages import avalanche, comparator, false_triggers, light, overlap
 from tests.reference.detector import amplification as amplification_oracle
 from tests.reference.detector import avalanche as avalanche_oracle
@@ -35,11 +35,11 @@ _REPLACED = (
     (comparator, "find_latches", comparator_oracle),
     (traces, "refine_crossings", comparator_oracle),
     (traces, "store_samples", sampling_oracle),
-    (range_gate, "store_samples", sampling_oracle),
+    (full, "store_samples", sampling_oracle),
     (false_triggers, "draw_onward", false_triggers_oracle),
     (location, "fit_first_pulses", fitting_oracle),
     (location, "fit_all_pulses", fitting_oracle),
-    (report, "report_traces", report_oracle),
+    (measurement, "report_traces", report_oracle),
 )
 
 

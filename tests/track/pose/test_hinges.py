@@ -8,8 +8,7 @@ from scipy.stats import chi2
 import rso_lidar as rl
 from rso_lidar.pose import pose
 from rso_lidar.track import MeshHinge, PoseFollower, SampledMesh, acquire, align, sample_mesh
-from rso_lidar.track.pose.follow import _Hypothesis
-from rso_lidar.track.pose.hinge_filter import HingeFilter
+from rso_lidar.track.pose.follow import HingeFilter, _Hypothesis
 from rso_lidar.track.pose.icp import UNKNOWN_ANGLE_RAD, find_outline, misfit_m
 from rso_lidar.track.pose.pose_search import LIKELIER, keep_sides, search_hinges
 

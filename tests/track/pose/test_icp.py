@@ -7,8 +7,7 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar.pose import pose
 from rso_lidar.track import PoseFollower, SampledMesh, acquire, align, measure_visible_centroid, sample_mesh
-from rso_lidar.track.pose.follow import _Hypothesis
-from rso_lidar.track.pose.hinge_filter import HingeFilter
+from rso_lidar.track.pose.follow import HingeFilter, _Hypothesis
 from rso_lidar.track.pose.icp import find_outline, misfit_m
 from rso_lidar.track.pose.pose_search import LIKELIER, search_turns
 

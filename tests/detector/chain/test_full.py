@@ -8,7 +8,7 @@ import pytest
 
 from rso_lidar.detector import Gate, Gsfl, detect, detect_with_taps, make_plate, run_trial
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.settings.apd import noise_rms
 from rso_lidar.errors import ScenarioError
 from tests.detector.returns_for_tests import nothing, returns
 
