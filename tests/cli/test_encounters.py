@@ -194,6 +194,9 @@ def test_a_terminal_shows_what_fits_and_names_the_rest(named, terminal, capsys, 
         assert all(name in rest for name in heads)  # in the table, or in the line that names the rest
     if width == 250:
         assert "too wide" not in rest and all(name in head for name in heads)
+        widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+        first = lines[lines.index(head) + 1]
+        assert max(len(line.rstrip()) for line in (head, first)) == sum(widths) + 2 * (len(widths) - 1)
 
 
 def test_a_terminal_shows_names_as_they_are(named, terminal, capsys):

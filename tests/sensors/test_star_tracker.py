@@ -52,6 +52,9 @@ def test_the_sun_and_the_moon_blind_within_their_angle(name):
     samples, _ = tracker.measure(motion, KEY, 0)
     assert samples.valid.tolist() == [False, True, True]
     assert np.isnan(samples.quaternion_xyzw[0]).all()
+    narrow = make_motion(np.arange(2.0), **{f"{name}_direction": directions([0.7, 0.9])})
+    few = tracker.replace(**{f"{name}_exclusion_deg": 0.8})
+    assert few.measure(narrow, KEY, 0)[0].valid.tolist() == [False, True]
     behind = tracker.replace(mount={"euler_zyx_deg": (0.0, 180.0, 0.0)})
     assert behind.measure(motion, KEY, 0)[0].valid.tolist() == [True, True, False]
 

@@ -362,6 +362,18 @@ def test_an_encounter_of_messages_is_written_inline():
     assert rl.Scenario.loads(text).describe()
 
 
+def test_of_several_sets_of_a_follower_the_nearest_in_time_names_it():
+    sets = list(Catalog.from_file(FLYBY))
+    own = next(entry for entry in sets if entry.norad_id == 99003)
+    for days in (-3, 2):
+        epoch_utc = own.epoch_utc + datetime.timedelta(days=days)
+        sets.append(ElementSet(**{**own.__dict__, "line1": "", "line2": "", "epoch_utc": epoch_utc}))
+    assert encounters(sets, 99003, within_m=20e3, start_utc=START, days=0.125).follower.epoch_utc == own.epoch_utc
+    at = START + datetime.timedelta(days=2)
+    later = encounters(sets, 99003, within_m=20e3, start_utc=at, days=0.02)
+    assert later.follower.epoch_utc == own.epoch_utc + datetime.timedelta(days=2)
+
+
 def test_names_write_nothing_into_the_scenario():
     sets = list(Catalog.from_file(FLYBY))
     names = ["B\nseed = 77\n#", 'Q"""\'\\ "\x00\x7f\ud800']

@@ -151,6 +151,21 @@ def test_the_legend_of_the_error_keeps_clear_of_the_target():
     assert _free_corner(np.zeros((1, 1), dtype=bool)) == "lower left"
 
 
+def test_the_legend_of_the_error_keeps_clear_of_missed_pixels(handmade):
+    """Nothing is reported, and the target fills all corners but one."""
+    frame = handmade.make_frame(2600.0, 300.0)
+    target = np.zeros_like(frame.labels.target)
+    target[: len(target) // 3, -len(target) // 3 :] = -1
+    nothing = dataclasses.replace(frame.observation.reading, range_m=np.full_like(frame.range_m, np.nan))
+    frame = dataclasses.replace(
+        frame,
+        observation=dataclasses.replace(frame.observation, reading=nothing),
+        labels=dataclasses.replace(frame.labels, target=target),
+    )
+    legend = panels(frame_figure(frame))["Error"].get_legend()
+    assert legend._loc == 1  # matplotlib's number of "upper right"
+
+
 @pytest.mark.parametrize(
     "options",
     [

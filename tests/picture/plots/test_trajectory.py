@@ -70,6 +70,14 @@ def test_long_thin_tracks_say_that_scales_differ(coming, tmp_path, caplog):
     assert caplog.text == ""  # matplotlib grumbles into its log where limits and aspect quarrel
 
 
+@pytest.mark.parametrize(("radial_m", "differ"), [(55.0, False), (45.0, True)])
+def test_scales_differ_from_twelve_times_as_long_as_wide(radial_m, differ):
+    s = np.linspace(0.0, 1.0, 11)
+    path = np.stack([radial_m * s, -600.0 * (1.0 - s), 300.0 * s], axis=-1)
+    figure = orbit_figure(batch(10.0 * s, path, "tdrs.rtn"))
+    assert any(axes.get_title(loc="right") == "scales differ" for axes in figure.axes) == differ
+
+
 def test_a_lidar_that_stands_still_has_a_figure(tmp_path):
     times_s = np.arange(3.0)
     still = np.broadcast_to([0.0, -50.0, 0.0], (3, 3)).copy()
