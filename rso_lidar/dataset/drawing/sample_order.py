@@ -93,7 +93,7 @@ def _fill_splits(number: np.ndarray, share: np.ndarray, val: float, test: float,
     """
     held = val + test
     of_held = test / held if held > 0.0 else 0.0
-    counts, labels = np.empty(3, np.int64), np.empty(_BLOCK, np.int8)
+    counts, labels = np.empty(3, np.int64), np.zeros(_BLOCK, np.int8)
     for k in range(len(number)):
         begin = number[k] // _BLOCK * _BLOCK
         held_before = int(begin * held + _HALVES_UP)
