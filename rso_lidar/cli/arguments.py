@@ -131,12 +131,7 @@ def load_lidar(text: str) -> tuple[Lidar, Constraints | None]:
 
 
 def choose_scheduler(engine: str, scheduler: str | None, error: type[RsoLidarError] = ScenarioError) -> str | None:
-    """Return the scheduler that the options of a command choose; None for a pool of processes without dask.
-
-    Parameters
-    ----------
-    error : raised for values that do not fit
-    """
+    """Return the scheduler that the options of a command choose; None for a pool of processes without dask."""
     if engine not in ("pool", "dask"):
         raise error(f"--engine {engine}: is not an engine{did_you_mean(engine, ('pool', 'dask'))}; take pool or dask")
     if scheduler is not None and engine != "dask":

@@ -247,8 +247,6 @@ def choose_columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: i
 
     Parameters
     ----------
-    heads : heads of all columns
-    rows : rows of text, each with a cell for every head
     width : columns of characters
 
     Returns
@@ -283,7 +281,6 @@ def _choose_constraints(
 
     Parameters
     ----------
-    asked : constraints of the scenario file, if any
     angles_deg : angles of options, by name [deg]
     keep_out_m : keep-out distance of an option [m]
     """

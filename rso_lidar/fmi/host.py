@@ -102,8 +102,6 @@ class Host:
         interface : "co_simulation" or "model_exchange"
         step_s : grid of the run [s]
         tolerance : relative, for the FMU's own integration
-        start : names of variables and their start values
-        inputs, outputs : names of the variables that are set and read
         first : inputs (input,) at t = 0
         """
         from fmpy.fmi2 import FMU2Model, FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE

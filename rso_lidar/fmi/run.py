@@ -256,10 +256,6 @@ class FmuRun:
 class HostProcess:
     """A process that runs one FMU, from its first request until nobody holds this object.
 
-    Parameters
-    ----------
-    path : of the FMU
-
     Raises
     ------
     ScenarioError
@@ -286,11 +282,6 @@ class HostProcess:
         Parameters
         ----------
         name : of a method of `host.Host`
-        given : its arguments
-
-        Returns
-        -------
-        what the method returned
 
         Raises
         ------

@@ -96,8 +96,6 @@ class Gateway:
         Parameters
         ----------
         public : such as ``tcp://127.0.0.1:5571``, with a numeric host and port 0 for a free one, or ``ipc://lidar``
-        backend : of the socket of the server
-        make_limits : makes the limits of one connection
 
         Raises
         ------

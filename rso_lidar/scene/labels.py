@@ -89,10 +89,6 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
 def _write_labels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
     """Write the labels of all pixels with returns.
 
-    Parameters
-    ----------
-    hits, photons : what was hit, and the light that came back
-
     Returns
     -------
     Mean range [m] and photons of each cluster.
@@ -133,7 +129,6 @@ def label_pixels(
 
     Parameters
     ----------
-    n_clusters : number of clusters
     written : the labels, to which is written
 
     Returns

@@ -48,12 +48,7 @@ class _Numbers:
     """Random numbers of one fragment; each has an address: seed, kind, stream, call and place."""
 
     def __init__(self, seed: int, kind: FragmentKind, stream: int) -> None:
-        """Begin a stream of numbers.
-
-        Parameters
-        ----------
-        stream : number of the stream
-        """
+        """Begin a stream of numbers."""
         self._key = packed(np.random.SeedSequence(seed).generate_state(2, np.uint32))
         self._kind, self._stream, self._call = _KINDS.index(kind), stream, 0
 
@@ -199,12 +194,7 @@ def _make_bent_rod(numbers: _Numbers, _thickness: float) -> Solid:
 
 
 def _make_rod(numbers: _Numbers, aspect: float) -> Solid:
-    """Make a rod along x, from -1 to 1, with an oval section.
-
-    Parameters
-    ----------
-    numbers : random numbers of the fragment
-    """
+    """Make a rod along x, from -1 to 1, with an oval section."""
     sides, stations = 12, 28
     sine, cosine = sine_cosine(np.arange(sides) * (2.0 * math.pi / sides))
     rough = 0.9 + 0.2 * np.asarray(numbers.random(sides))

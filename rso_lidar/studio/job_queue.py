@@ -118,7 +118,6 @@ class JobQueue:
 
         Parameters
         ----------
-        folder : of all files
         check : called just before a job starts; it raises an error where the job must not start, else returns its number
             of frames (0: unknown)
         """

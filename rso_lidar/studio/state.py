@@ -95,12 +95,6 @@ class Workspace:
     def save_as(self, document: Document, name: str, *, overwrite: bool = False) -> None:
         """Save a document under another name, by which tabs that open the file find it.
 
-        Parameters
-        ----------
-        document : to be saved
-        name : in the folder
-        overwrite : whether a file of that name may be replaced
-
         Raises
         ------
         RsoLidarError

@@ -39,10 +39,6 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
 
     The number of an image is that of its frame. The number of an object is the position of its target in source.json,
     from 1. Intensities are 16-bit grey PNGs. No label holds what another target hides, so `mask` equals `mask_visib`.
-
-    Parameters
-    ----------
-    frames : written one at a time as they come
     """
     place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -168,7 +164,6 @@ def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
 
     Parameters
     ----------
-    frame : the first one, for its numbers of rows and columns
     camera : (3, 3) matrix [pixels]
     """
     rows, cols = frame.range_m.shape
@@ -264,10 +259,5 @@ def _open_table(path: Path) -> Iterator[TextIO]:
 
 
 def _write_entry(stream: TextIO, key: str, value: Any) -> None:
-    """Write one entry of a JSON object.
-
-    Parameters
-    ----------
-    stream : with what was written so far
-    """
+    """Write one entry of a JSON object."""
     stream.write(f"{',' if stream.tell() > 1 else ''}\n{json.dumps(key)}: {json.dumps(value)}")

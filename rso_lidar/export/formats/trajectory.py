@@ -153,7 +153,6 @@ def _tabulate(
 
     Parameters
     ----------
-    frames, source : what is written, and its source
     sensor : name of the sensor (None: the truth)
     utc : formats times as text (None: without leap seconds)
     """
@@ -205,12 +204,7 @@ def to_stamp_ns(start_utc: str, time_s: float) -> int:
 def _open_text(
     path: str | os.PathLike[str], frames: Iterable[Frame], overwrite: bool
 ) -> Iterator[tuple[TextIO, Source, Iterator[TruthBatch]]]:
-    """Yield a text file that appears when it is complete, the source of the frames, and their truth in batches.
-
-    Parameters
-    ----------
-    overwrite : whether an existing file may be replaced
-    """
+    """Yield a text file that appears when it is complete, the source of the frames, and their truth in batches."""
     place = check_writable(path, overwrite=overwrite)
     source, frames = peek_source(place, frames)
     with write_atomically(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
@@ -230,7 +224,6 @@ def _resolve_axes(source: Source, target: str | None, lidar_in_target: bool) -> 
     Parameters
     ----------
     target : name given by the user; None for the only target
-    lidar_in_target : whether to write target_from_lidar instead of lidar_from_target
     """
     known = [entry.name for entry in source.targets]
     if target is None:

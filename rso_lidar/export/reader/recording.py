@@ -291,12 +291,7 @@ class SensorSeries(Mapping[str, SensorSamples]):
     """
 
     def __init__(self, recording: RecordingFile) -> None:
-        """Refer to the sensors of a recording.
-
-        Parameters
-        ----------
-        recording : open file
-        """
+        """Refer to the sensors of a recording."""
         self._recording = recording
         self._described: dict[str, Any] = json.loads(recording.sensors_text)
 
@@ -324,7 +319,6 @@ class SensorSeries(Mapping[str, SensorSamples]):
 
         Parameters
         ----------
-        name : of the sensor
         frames : in ascending order, without a step
         """
         described, group = self._described[name], f"{GROUP}/{name}"
@@ -337,13 +331,7 @@ class SensorSeries(Mapping[str, SensorSamples]):
         return self._make(name, entries, int(counts.sum()))
 
     def select(self, name: str, rows: Mapping[str, np.ndarray]) -> SensorSamples:
-        """Return the samples of a sensor in one frame.
-
-        Parameters
-        ----------
-        name : of the sensor
-        rows : entries of the frame, by path
-        """
+        """Return the samples of a sensor in one frame."""
         group = f"{GROUP}/{name}"
         count = int(rows[f"{group}/{COUNT}"])
         fields = [field for field in self._described[name]["fields"] if f"{group}/{field}" in rows]

@@ -258,10 +258,6 @@ class RecordingFile:
 def _reopen(kind: type[RecordingFile], path: Path, count: int) -> RecordingFile:
     """Open a recording in another process, with the frames that the first process saw.
 
-    Parameters
-    ----------
-    count : number of frames
-
     Raises
     ------
     RecordingError

@@ -133,17 +133,13 @@ def split_into_tokens(
 
 @kernel
 def _end_run(tokens: np.ndarray, n_tokens: int, value: int, run: int) -> int:
-    """Write the rest of a run of equal bytes as matches and literals.
+    """Write the rest of a run of equal bytes as matches and literals; return the number of tokens.
 
     Parameters
     ----------
     tokens : written in place
     n_tokens : number of tokens so far
     run : number of bytes that remain
-
-    Returns
-    -------
-    Number of tokens.
     """
     while run >= _SHORTEST_MATCH:
         length = min(run, _LONGEST_MATCH)

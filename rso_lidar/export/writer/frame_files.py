@@ -30,10 +30,6 @@ def write_frame_files(
     """Write one file per frame, named by the number of the frame (000012.pcd), and return the path of the folder.
 
     The folder also has source.json (scenario, targets, axes) and frames.jsonl (a line for each file: time and poses).
-
-    Parameters
-    ----------
-    frames : written one at a time as they come
     """
     place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)

@@ -72,12 +72,7 @@ class InstrumentState(NamedTuple):
 
 
 class Instrument:
-    """A simulation with inputs that are held from step to step, and the quantities of its last flash as outputs.
-
-    Parameters
-    ----------
-    scenario : what is flown
-    """
+    """A simulation with inputs that are held from step to step, and the quantities of its last flash as outputs."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._simulation = Simulation(scenario, threads=1)
@@ -88,12 +83,7 @@ class Instrument:
 
     @classmethod
     def load(cls, folder: Path) -> Instrument:
-        """Make the instrument of the scenario in the resources of an FMU.
-
-        Parameters
-        ----------
-        folder : the resources
-        """
+        """Make the instrument of the scenario in the resources of an FMU."""
         text = (folder / "scenario.toml").read_text(encoding="utf-8")
         # Whoever runs the FMU runs its code: that of its scenario is part of it.
         return cls(Scenario.loads(text, folder=folder, where="scenario.toml", trust_code=True).with_trusted_fmus())

@@ -143,7 +143,6 @@ class LiveView(QueuedView):
 
         Parameters
         ----------
-        topic, frame : the topic, and the frame that it is about
         client : number of the only viewer that receives it (None: all)
         """
         if topic == TARGETS:
@@ -201,12 +200,7 @@ def _find_private_host() -> str:
 
 
 def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:
-    """Make the channels by topic.
-
-    Parameters
-    ----------
-    has_ptu : whether there is a PTU
-    """
+    """Make the channels by topic."""
     from foxglove import Channel, channels
 
     by_topic = {
@@ -246,12 +240,7 @@ def parse_origin(text: str) -> str:
 
 
 class HandshakeCheck:
-    """Limits of one connection: the request that opens it is short, and comes from no page that is not accepted.
-
-    Parameters
-    ----------
-    accepts : returns whether a page of an origin may watch
-    """
+    """Limits of one connection: the request that opens it is short, and comes from no page that is not accepted."""
 
     refusal = b"HTTP/1.1 403 Forbidden\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
 
@@ -260,12 +249,7 @@ class HandshakeCheck:
         self._head: bytearray | None = bytearray()  # until it is complete
 
     def admits(self, data: memoryview) -> bool:
-        """Read the header of the request, and return whether the server may have the next bytes.
-
-        Parameters
-        ----------
-        data : from the client
-        """
+        """Read the header of the request, and return whether the server may have the next bytes."""
         if self._head is None:
             return True
         self._head += data

@@ -74,7 +74,6 @@ def is_private(option: str, endpoint: str) -> bool:
 
     Parameters
     ----------
-    option : that gave the address, for messages
     endpoint : such as ``tcp://127.0.0.1:5571`` or ``ipc://lidar``, a socket file in the working folder
 
     Raises

@@ -173,7 +173,6 @@ def parse_json(text: bytes, where: str) -> dict[str, Any]:
     Parameters
     ----------
     text : UTF-8
-    where : start of error messages
 
     Raises
     ------

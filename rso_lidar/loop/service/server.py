@@ -146,7 +146,6 @@ class Server:
         Parameters
         ----------
         gateway : the `Gateway` to the socket
-        option, endpoint : the public address, and the option that gave it
         """
         has_ipc = self._zmq.has("ipc") and hasattr(socket, "AF_UNIX")
         zmq_socket.bind(f"ipc://{folder}/{option.strip('-')}" if has_ipc else "tcp://127.0.0.1:*")
@@ -293,12 +292,7 @@ class Server:
         return self._sequence
 
     def _refuse(self, envelope: list[bytes], sequence: int, code: str, message: str) -> None:
-        """Send an error reply.
-
-        Parameters
-        ----------
-        message : *where: what: what to do*
-        """
+        """Send an error reply."""
         sendable = message.encode(errors="backslashreplace").decode()  # a request can hold a lone surrogate
         error = {"code": code, "message": sendable}
         header = {

@@ -55,15 +55,11 @@ class PsfPart(Part):
 
     @abstractmethod
     def core(self, at: HatGrid) -> np.ndarray:
-        """Return the hat weights of the kernel without its halo.
+        """Return the hat weights of the kernel without its halo: (row, col) share of the light at each point.
 
         Parameters
         ----------
         at : grid on the focal plane, with the width of its hats
-
-        Returns
-        -------
-        (row, col) share of the light at each point of the grid.
         """
 
     def hats(self, at: HatGrid) -> np.ndarray:
@@ -71,11 +67,7 @@ class PsfPart(Part):
 
         Parameters
         ----------
-        at : grid on the focal plane, with the width of its hats
-
-        Returns
-        -------
-        (row, col) share of the light at each point of the grid.
+        at : as for `core`
         """
         if self.halo_radius_um is None:
             return self.core(at)
@@ -252,10 +244,6 @@ def find_reach(
     wavelength_m : wavelength of the light [m]
     field_rad, azimuth_rad : field angle and direction, as in `pixel_shares`
     missed : share of the light that may land farther
-
-    Returns
-    -------
-    number of pixels to each side.
     """
     within = _within(psf, _stamps(psf), pitch_m, wavelength_m, f_number, float(field_rad), float(azimuth_rad))
     enough = np.flatnonzero(within >= 1.0 - missed)

@@ -102,12 +102,7 @@ def _join_rays(rays: Sequence[Rays], shares: np.ndarray) -> tuple[Rays, list[np.
 
 
 def _join_arrays(records: Sequence[Record], dim: str, order: np.ndarray) -> dict[str, Any]:
-    """Join the arrays of records over one dimension, by name; an optional array that a record lacks is left out.
-
-    Parameters
-    ----------
-    order : of the joined rows
-    """
+    """Join the arrays of records over one dimension, by name; an optional array that a record lacks is left out."""
     joined: dict[str, Any] = {}
     for name, spec in specs(type(records[0])).items():
         if spec.dims[0] == dim:

@@ -127,7 +127,6 @@ class SkyBodies:
 
         Parameters
         ----------
-        body : SUN, EARTH or MOON
         field_rad : half the diagonal of the field [rad], in which the Earth is cut finely
         knee_rad : angle over which the scatter of the lens changes [rad]
 
@@ -282,12 +281,7 @@ def _move_toward(direction: np.ndarray, place: np.ndarray, angle_rad: np.ndarray
 
 
 def _disc_points(place: np.ndarray, radius_rad: float, n: int) -> np.ndarray:
-    """Return unit vectors (point, xyz) to points of equal weight on a disc: a sunflower of golden angles.
-
-    Parameters
-    ----------
-    n : number of points
-    """
+    """Return unit vectors (point, xyz) to points of equal weight on a disc: a sunflower of golden angles."""
     ahead = place / np.linalg.norm(place)
     across = np.cross(ahead, np.eye(3)[int(np.argmin(np.abs(ahead)))])
     across /= np.linalg.norm(across)

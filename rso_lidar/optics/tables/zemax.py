@@ -86,10 +86,6 @@ def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
     ----------
     path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
 
-    Returns
-    -------
-    the listing, normalised.
-
     Raises
     ------
     ScenarioError
@@ -130,10 +126,6 @@ def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
 
 def _spacing_m(path: str, header: str, n_cols: int) -> float:
     """Return the distance between points [m], from its own line or from the area and the number of points.
-
-    Parameters
-    ----------
-    n_cols : points of a row
 
     Raises
     ------

@@ -251,7 +251,6 @@ def _draw_limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> N
     Parameters
     ----------
     ends : the limits [deg or deg/s]
-    rates : whether they are rates
     """
     low, high = axes.get_ylim()
     far = []

@@ -85,7 +85,6 @@ def _can_send(
 
     Parameters
     ----------
-    surfaces, truth : the surfaces, and where they are
     number, facet : (hit) numbers of the surface and of its facet
     direction : (hit, xyz) of the rays, in lidar axes
     """
@@ -135,12 +134,7 @@ class _Paths:
             self._leave(k, band[on])
 
     def _leave(self, k: int, path: np.ndarray) -> None:
-        """Follow paths from one surface to where they end.
-
-        Parameters
-        ----------
-        k : number of the surface
-        """
+        """Follow paths from one surface to where they end."""
         range_m = self.hits.range_m[self.hit[path]]
         starts = localize_points(self.surfaces, k, self.truth, self.direction[path], self.facet[path], range_m)
         lobes = find_lobes(starts)
@@ -247,10 +241,6 @@ def find_openings(surfaces: Sequence[Surface], number: int, truth: Truth) -> np.
     """Find the sides of facets in front of which anything lies: another part of the surface, or another surface.
 
     A facet of a convex body lights nothing, so no path begins there. Other surfaces count by their bounding sphere.
-
-    Parameters
-    ----------
-    truth : where the surfaces are
 
     Returns
     -------

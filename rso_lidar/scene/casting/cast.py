@@ -92,10 +92,6 @@ def _average_over_lens(
     number, facet : (hit) number of the surface, and of its facet
     laser_from_m : (xyz) position of the laser in lidar axes [m]
     aperture_m : diameter of the lens [m]
-
-    Returns
-    -------
-    the hits with that BRDF.
     """
     retros = [(n, k, m) for n, surface in enumerate(surfaces) for k, m in enumerate(surface.materials) if m.is_retro]
     if not retros:
@@ -127,11 +123,6 @@ def _relight(
     number, facet : (hit) number of the surface, and of its facet
     threads : number of threads (None: one for each core)
     laser_from_m : (xyz) position of the laser in lidar axes [m]
-    sun : whether sunlight is computed
-
-    Returns
-    -------
-    the hits with those values.
     """
     cosine, brdf = hits.cos_incidence.copy(), hits.brdf_per_sr.copy()
     sunlight = np.zeros(len(facet)) if sun else None

@@ -80,7 +80,6 @@ def find_first_hits(
     ----------
     rays : the rays, in lidar axes
     surfaces : the surfaces, each in its own axes
-    truth : where the surfaces are
     threads : number of bands in parallel (None: one for each core)
 
     Returns
@@ -220,10 +219,6 @@ def select_rays(
     direction : (xyz, ray) f8, unit vectors
     near : (ray in the block), range of the nearest hit so far [m]. A ray with a hit nearer than the target is left out
     chosen : (ray in the block), to which the numbers of the selected rays are written
-
-    Returns
-    -------
-    number of selected rays.
     """
     count = 0
     x, y, z = target[_CENTRE], target[_CENTRE + 1], target[_CENTRE + 2]
@@ -252,7 +247,6 @@ def cast_rays(
     Parameters
     ----------
     origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar
-    width : number of rays in a packet
 
     Returns
     -------

@@ -73,8 +73,6 @@ def mark_shadowed(
     reach : (ray), length of the rays [m]
     origin, turn : pose of those axes in the axes of the surface that is tested
     sphere : centre and radius of its bounding sphere [m]
-    scene : address of the surface's acceleration structure
-    width : number of rays in a packet
     """
     words = make_packet(width)
     values = words.view(np.float32)[BEFORE:]

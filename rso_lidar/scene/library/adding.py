@@ -219,7 +219,6 @@ def _table(
 
     Parameters
     ----------
-    given : properties that the user gives
     unit_m : metres in the unit that the file states, None where it states none
     """
     report: list[str] = []
@@ -273,12 +272,7 @@ def _table(
 
 
 def _report_known(fields: dict[str, Any], known: Mapping[str, Any], given: MeshOptions, report: list[str]) -> None:
-    """Report which words of the taxonomy are missing, and how to give them.
-
-    Parameters
-    ----------
-    given : properties that the user gives
-    """
+    """Report which words of the taxonomy are missing, and how to give them."""
     options = {"object_class": "--class", "subclass": "--subclass", "shape_family": "--shape"}
     options["stabilisation"] = "--stabilisation"
     guessed = [key for key in options if given.taxonomy.get(key) is None and key not in known]
@@ -292,7 +286,6 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: flo
 
     Parameters
     ----------
-    given : properties that the user gives
     unit_m : metres in the unit that the file states, None where it states none
 
     Raises
@@ -317,10 +310,6 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: flo
 
 def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) -> dict[str, str]:
     """Return the material of every part.
-
-    Parameters
-    ----------
-    given : properties that the user gives
 
     Raises
     ------
@@ -356,10 +345,6 @@ def _list_parts(parts: Iterable[str]) -> str:
 
 def _part_classes(parts: tuple[str, ...], given: MeshOptions, report: list[str]) -> dict[str, str]:
     """Return the common class of every part.
-
-    Parameters
-    ----------
-    given : properties that the user gives
 
     Raises
     ------

@@ -318,11 +318,6 @@ def _entry(path: Path, table: Any, cure: str = _INSTALL_AGAIN, *, own: bool = Fa
     Parameters
     ----------
     path : path of the index, for messages
-    own : whether it is from the user's library, not a shipped one
-
-    Returns
-    -------
-    the entry.
 
     Raises
     ------

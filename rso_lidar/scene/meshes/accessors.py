@@ -92,12 +92,6 @@ class GltfFile:
     def list_of(self, table: Mapping[str, Any], key: str, of: type = dict) -> list[Any]:
         """Return a list of a glTF table, empty if it is absent.
 
-        Parameters
-        ----------
-        table : the table
-        key : key of the list
-        of : type that each entry must have
-
         Raises
         ------
         MeshError
@@ -120,8 +114,6 @@ class GltfFile:
 
         Parameters
         ----------
-        table : the table
-        key : key of the number
         default : value if the key is absent; None for an error
 
         Raises
@@ -139,8 +131,6 @@ class GltfFile:
 
         Parameters
         ----------
-        table : the table
-        key : key of the list
         length : how many there are; None for any
         default : values if the key is absent
         """
@@ -158,9 +148,7 @@ class GltfFile:
 
         Parameters
         ----------
-        entries : the list
         number : index of the entry
-        what : name of the list, for messages
 
         Raises
         ------
@@ -196,7 +184,6 @@ class GltfFile:
 
         Parameters
         ----------
-        number : of the accessor
         kind : glTF type that the accessor must have, such as "VEC3"; names separated by | where several do
         what : noun for the message where it has another
         rows : numbers of the values to return; None for all

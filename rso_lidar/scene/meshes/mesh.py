@@ -257,10 +257,6 @@ def normalize_mesh(
     ----------
     scale : metres in one unit of the file
 
-    Returns
-    -------
-    the mesh in metres and body axes.
-
     Raises
     ------
     MeshError

@@ -20,10 +20,6 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[MeshPiece]:
     A polygon becomes triangles, numbered one by one. Textures, normals, smoothing groups and materials do not
     bear on range and intensity, and are ignored.
 
-    Parameters
-    ----------
-    most_parts : the greatest number of groups
-
     Returns
     -------
     the triangles of each run of polygons under one group or object.

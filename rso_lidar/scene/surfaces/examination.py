@@ -231,10 +231,6 @@ def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.
     corners : (facet, corner, xyz) [m]
     component : (facet), number of the component
     area : (facet) [m²]
-
-    Returns
-    -------
-    numbers of these components.
     """
     middle = corners.mean(axis=1)
     order = np.argsort(middle, axis=0)

@@ -213,12 +213,7 @@ def _apply(tables: Any, steps: _Steps, value: Any) -> None:
 
 
 def _make_item(here: Any, steps: _Steps, value: Any) -> Any:
-    """Return a value as tomlkit has it: a table of its own near the root, an inline table further inside.
-
-    Parameters
-    ----------
-    here : table or list that is to hold it
-    """
+    """Return a value as tomlkit has it: a table of its own near the root, an inline table further inside."""
     import tomlkit
 
     near = len(steps) <= 2 and not isinstance(here, tomlkit.items.InlineTable | tomlkit.items.Array)

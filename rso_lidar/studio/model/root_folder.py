@@ -31,11 +31,6 @@ class Folder:
     def resolve(self, name: str, suffixes: tuple[str, ...]) -> Path:
         """Return the path of a name inside the folder; the file need not exist.
 
-        Parameters
-        ----------
-        name : relative path
-        suffixes : allowed endings of the name
-
         Raises
         ------
         ScenarioError
