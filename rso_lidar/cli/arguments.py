@@ -33,6 +33,19 @@ TrustCode = Annotated[
 ]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")]
+Camera = Annotated[
+    str,
+    typer.Option(
+        "--lidar",
+        metavar="PRESET|FILE",
+        help="Camera by name, or a scenario file with one.",
+        autocompletion=lambda: list(load_presets()),
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS|local", help="Scheduler of dask; local starts one, with --workers."),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
 Dark = Annotated[bool, typer.Option("--dark", help="Draw on a dark background.")]
 

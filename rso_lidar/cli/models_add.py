@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 import typer
 
-from rso_lidar.cli.completion import list_classes, list_own_models, list_shapes, list_stabilisations
+from rso_lidar.cli.models_show import list_own_models
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError, did_you_mean
 from rso_lidar.records import ObjectClass, ShapeFamily, Stabilisation
@@ -35,17 +35,27 @@ def add(
     ] = None,
     object_class: Annotated[
         str | None,
-        typer.Option("--class", help=f"One of {', '.join(get_args(ObjectClass))}.", autocompletion=list_classes),
+        typer.Option(
+            "--class",
+            help=f"One of {', '.join(get_args(ObjectClass))}.",
+            autocompletion=lambda: [*get_args(ObjectClass)],
+        ),
     ] = None,
     subclass: Annotated[str | None, typer.Option("--subclass", help="Any word, such as relay_satellite.")] = None,
     shape: Annotated[
         str | None,
-        typer.Option("--shape", help=f"One of {', '.join(get_args(ShapeFamily))}.", autocompletion=list_shapes),
+        typer.Option(
+            "--shape",
+            help=f"One of {', '.join(get_args(ShapeFamily))}.",
+            autocompletion=lambda: [*get_args(ShapeFamily)],
+        ),
     ] = None,
     stabilisation: Annotated[
         str | None,
         typer.Option(
-            "--stabilisation", help=f"One of {', '.join(get_args(Stabilisation))}.", autocompletion=list_stabilisations
+            "--stabilisation",
+            help=f"One of {', '.join(get_args(Stabilisation))}.",
+            autocompletion=lambda: [*get_args(Stabilisation)],
         ),
     ] = None,
     rate_deg_s: Annotated[

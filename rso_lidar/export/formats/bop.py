@@ -65,7 +65,8 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
                     _write_camera(draft, frame, camera)
             depth_scale = _write_images(place, scene, frame)
             number = str(frame.index)
-            _write_entry(tables["scene_camera"], number, _describe_camera(frame, camera, depth_scale))
+            described = {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
+            _write_entry(tables["scene_camera"], number, described)
             poses, infos = _describe_objects(place, scene, frame)
             _write_entry(tables["scene_gt"], number, poses)
             _write_entry(tables["scene_gt_info"], number, infos)
@@ -176,17 +177,6 @@ def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
         "height": rows,
     }
     (folder / "camera.json").write_text(json.dumps(content, indent=1) + "\n", newline="\n")
-
-
-def _describe_camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> dict[str, Any]:
-    """Describe the camera of one image.
-
-    Parameters
-    ----------
-    camera : (3, 3) matrix [pixels]
-    depth_scale : [mm per count]
-    """
-    return {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
 
 
 def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:

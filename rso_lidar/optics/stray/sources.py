@@ -137,7 +137,7 @@ class SkyBodies:
         """
         place = (self.sun, self.earth, self.moon)[body]
         if place is None or self.sun is None:
-            return _no_elements()
+            return np.empty((0, 3)), np.empty(0), np.empty(0)
         if body == EARTH:
             direction, solid_sr, cell_rad = self._cut_earth(field_rad, knee_rad)
         else:
@@ -234,10 +234,6 @@ def moon_over_sun(phase_rad: float) -> float:
     degrees = abs(phase_rad) / units.DEG
     magnitude = _FULL_MOON_MAGNITUDE + 0.026 * degrees + 4e-9 * degrees**4
     return float(10.0 ** (-0.4 * (magnitude - _SUN_MAGNITUDE)))
-
-
-def _no_elements() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return np.empty((0, 3)), np.empty(0), np.empty(0)
 
 
 def _angular_radius(place: np.ndarray | None, radius_m: float) -> float:

@@ -198,7 +198,11 @@ def _read_field(name: str, field: FieldInfo) -> FieldForm:
     members = [member for member in _members(annotation) if member is not type(None)]
     kind = _find_kind(members, classes)
     literals = [value for member in members if get_origin(member) is Literal for value in get_args(member)]
-    choices = {_tag(cls): _describe_class(cls) for cls in classes} if kind in ("variant", "entries") else {}
+    choices = (
+        {_tag(cls): (cls.__doc__ or "").strip().partition("\n")[0].replace("`", "") for cls in classes}
+        if kind in ("variant", "entries")
+        else {}
+    )
     default = None if field.is_required() else field.get_default(call_default_factory=True)
     said = field.description or ""
     numeric = kind in ("number", "whole", "value")
@@ -253,7 +257,3 @@ def _members(annotation: Any) -> list[Any]:
 def _tag(cls: type[BaseModel]) -> str:
     field = cls.model_fields.get("type")
     return str(field.default) if field else cls.__name__
-
-
-def _describe_class(cls: type[BaseModel]) -> str:
-    return (cls.__doc__ or "").strip().partition("\n")[0].replace("`", "")
