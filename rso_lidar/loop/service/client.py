@@ -90,7 +90,9 @@ class Client:
             self._socket.rcvtimeo = min(_LOOK_MS, max(1, int(1e3 * self.timeout_s)))
             self._connect()
             hello: dict[str, Any] = {"version": 1, "role": role, "client": name or f"Python, process {os.getpid()}"}
-            self.description: dict[str, Any] = self._ask("hello", _read_description, **hello, token=token)
+            self.description: dict[str, Any] = self._ask(
+                "hello", lambda header, _: dict(header["describe"]), **hello, token=token
+            )
         except BaseException:
             self.close()
             raise
@@ -299,10 +301,6 @@ class Client:
             f"{self.endpoint}: did not answer '{kind}' within {self.timeout_s:g} s; "
             "check the server, or raise timeout_s"
         )
-
-
-def _read_description(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str, Any]:
-    return dict(header["describe"])
 
 
 def _to_ns(name: str, time_s: float | None) -> int | None:
