@@ -39,16 +39,11 @@ class Processes:
     """
 
     def __init__(self, count: int, function: Callable[..., Any]) -> None:
-        """Start the pool.
+        """Start the pool; raise `ScenarioError` if the function cannot be pickled, or this process is a daemon.
 
         Parameters
         ----------
         function : called in each process with the arguments of `submit`
-
-        Raises
-        ------
-        ScenarioError
-            If the function cannot be pickled, or this process is a daemon.
         """
         import multiprocessing
         from concurrent.futures import ProcessPoolExecutor

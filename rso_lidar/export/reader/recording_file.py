@@ -73,16 +73,11 @@ class RecordingFile:
         return self._count
 
     def place(self, k: Any) -> int:
-        """Return the index of a frame, counted from the end if negative.
+        """Return the index of a frame, counted from the end if negative; raise `IndexError` if there is no such frame.
 
         Parameters
         ----------
         k : any integer
-
-        Raises
-        ------
-        IndexError
-            If there is no such frame.
         """
         place = operator.index(k)
         if not -len(self) <= place < len(self):
@@ -118,7 +113,7 @@ class RecordingFile:
         return self._datasets[path]
 
     def read(self, path: str, key: Any) -> Any:
-        """Read part of a dataset.
+        """Read part of a dataset; raise `RecordingError` if the dataset is missing or damaged.
 
         Parameters
         ----------
@@ -129,11 +124,6 @@ class RecordingFile:
         -------
         ndarray or scalar
             The selected values.
-
-        Raises
-        ------
-        RecordingError
-            If the dataset is missing or damaged.
         """
         with self.watched(path):
             return self.handle(path)[key]

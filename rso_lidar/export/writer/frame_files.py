@@ -59,16 +59,11 @@ def get_file_stem(place: Path, frame: Frame) -> str:
 
 
 def write_new_file(place: Path, file: Path, content: bytes) -> None:
-    """Write a file that must not exist yet.
+    """Write a file that must not exist yet; raise `RecordingError` if the file exists, because a frame is given twice.
 
     Parameters
     ----------
     file : to write; its name begins with the number of its frame
-
-    Raises
-    ------
-    RecordingError
-        If the file exists, because a frame is given twice.
     """
     try:
         with file.open("xb") as stream:

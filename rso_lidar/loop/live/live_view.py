@@ -218,16 +218,11 @@ def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:
 
 
 def parse_origin(text: str) -> str:
-    """Return an origin as browsers write it.
+    """Return an origin as browsers write it; raise `ScenarioError` if it is no origin.
 
     Parameters
     ----------
     text : such as ``http://localhost:8080``
-
-    Raises
-    ------
-    ScenarioError
-        If it is no origin.
 
     >>> parse_origin("HTTP://LocalHost:80")
     'http://localhost'

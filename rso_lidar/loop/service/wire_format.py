@@ -132,13 +132,7 @@ def _to_little_endian(values: Any) -> np.ndarray:
 
 
 def decode(parts: Sequence[Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return the header of a message and its arrays by path.
-
-    Raises
-    ------
-    RunError
-        If they are no message of this schema.
-    """
+    """Return the header of a message and its arrays by path; raise `RunError` if they are no message of this schema."""
     try:
         header = from_json(bytes(parts[0]))
     except (IndexError, ValueError):
@@ -259,16 +253,11 @@ def build_truth(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Truth:
 
 
 def encode_request(kind: str, sequence: int, fields: dict[str, Any]) -> bytes:
-    """Return the header of a request.
+    """Return the header of a request; raise `ScenarioError` if a number is not finite.
 
     Parameters
     ----------
     fields : further keys; None is left out
-
-    Raises
-    ------
-    ScenarioError
-        If a number is not finite.
     """
     given = {name: value for name, value in fields.items() if value is not None}
     try:

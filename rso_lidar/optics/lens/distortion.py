@@ -96,16 +96,11 @@ class DistortionPart(Part):
         return seen
 
     def check(self, half_x: float, half_y: float) -> None:
-        """Check that the mapping does not fold within the focal plane.
+        """Check that the mapping does not fold within the focal plane; raise `ScenarioError` if it folds.
 
         Parameters
         ----------
         half_x, half_y : half the width and half the height of the focal plane, tangents
-
-        Raises
-        ------
-        ScenarioError
-            If it folds.
         """
         edge = np.linspace(-1.0, 1.0, 33)
         ones = np.ones_like(edge)

@@ -47,13 +47,7 @@ def has_rerun() -> bool:
 
 
 def import_rerun(what: str) -> Any:
-    """Import rerun, which is an extra.
-
-    Raises
-    ------
-    RecordingError
-        If the extra ``view`` is not installed.
-    """
+    """Import rerun, which is an extra; raise `RecordingError` if the extra ``view`` is not installed."""
     try:
         import rerun
     except ImportError:

@@ -309,13 +309,7 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: flo
 
 
 def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) -> dict[str, str]:
-    """Return the material of every part.
-
-    Raises
-    ------
-    MeshError
-        If a material or a part is unknown.
-    """
+    """Return the material of every part; raise `MeshError` if a material or a part is unknown."""
     for name in (*([given.material] if given.material else []), *given.part_materials.values()):
         if name not in load_materials():
             guess = did_you_mean(name, load_materials())
@@ -344,13 +338,7 @@ def _list_parts(parts: Iterable[str]) -> str:
 
 
 def _part_classes(parts: tuple[str, ...], given: MeshOptions, report: list[str]) -> dict[str, str]:
-    """Return the common class of every part.
-
-    Raises
-    ------
-    MeshError
-        If a class or a part is unknown.
-    """
+    """Return the common class of every part; raise `MeshError` if a class or a part is unknown."""
     _check_parts(given.part_classes, parts)
     for kind in given.part_classes.values():
         if kind not in PART_CLASSES:

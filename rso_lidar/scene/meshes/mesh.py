@@ -251,16 +251,11 @@ def read_facet_colours(mesh: Mesh) -> np.ndarray:
 def normalize_mesh(
     mesh: Mesh, scale: float, mesh_axes: str = "z_up", left_out: tuple[tuple[int, int], ...] = ()
 ) -> Mesh:
-    """Scale a mesh to metres, turn it to z up, and drop runs of facets.
+    """Scale a mesh to metres, turn it to z up, and drop runs of facets; raise `MeshError` if all facets are dropped.
 
     Parameters
     ----------
     scale : metres in one unit of the file
-
-    Raises
-    ------
-    MeshError
-        If all facets are dropped.
     """
     if scale == 1.0 and mesh_axes == "z_up" and not left_out:
         return mesh

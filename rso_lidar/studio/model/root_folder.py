@@ -17,13 +17,7 @@ class Folder:
     """
 
     def __init__(self, path: Path) -> None:
-        """Take the path of an existing folder.
-
-        Raises
-        ------
-        ScenarioError
-            If it is not a folder.
-        """
+        """Take the path of an existing folder; raise `ScenarioError` if it is not a folder."""
         if not path.is_dir():
             raise ScenarioError(f"{path}: is not a folder; make it first, or name another")
         self.path = path.resolve()
