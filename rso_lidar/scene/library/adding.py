@@ -17,12 +17,12 @@ import numpy as np
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.files import hold_lock, write_atomically
 from rso_lidar.records import OTHER, PART_CLASSES, Taxonomy, classify_size
-from rso_lidar.scene.library.group_materials import materials_of
 from rso_lidar.scene.library.mesh_units import guess_scale, known_meshes
 from rso_lidar.scene.library.model_index import (
     ModelEntry,
     guess_part_classes,
     load_materials,
+    materials_of,
     model,
     models,
     own_entry,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
@@ -20,6 +21,7 @@ from rso_lidar.shipped import shipped
 
 _INSTALL_AGAIN = "install the package again (in a checkout: `make models`)"
 _OWN_CURE = "correct that line, or add the mesh again with `rso-lidar models add --overwrite`"
+_TABLE = "material_names.toml"  # in models/, and beside the user's own index: materials by names of groups
 
 
 class ModelEntry(BaseModel):
@@ -314,3 +316,31 @@ def _entry(path: Path, table: Any, cure: str = _INSTALL_AGAIN, *, own: bool = Fa
     classes = (guess_part_classes(entry.parts) if own else dict.fromkeys(entry.parts, OTHER)) | entry.part_classes
     fixed = {"parts": MappingProxyType(entry.parts), "part_classes": MappingProxyType(classes)}
     return entry.model_copy(update=fixed)
+
+
+def materials_of(groups: Iterable[str]) -> dict[str, str]:
+    """Match groups to materials by name, first in the user's table; return the material of each group that matches.
+
+    >>> materials_of(["foil_gold.001", "tex_01", "osr"])
+    {'foil_gold.001': 'mli_gold', 'osr': 'osr'}
+    """
+    known = {name: name for name in load_materials()}
+    lines = [*_read(own_folder() / _TABLE).items(), *known.items(), *_read(shipped("models") / _TABLE).items()]
+    materials = {}
+    for group in groups:
+        fits = (material for pattern, material in lines if fnmatchcase(group.lower(), pattern.lower()))
+        if (material := next(fits, None)) is not None:
+            materials[group] = material
+    return materials
+
+
+def _read(path: Path) -> dict[str, str]:
+    if not path.exists():
+        return {}
+    table = read_table(path, "correct it")
+    known = load_materials()
+    for pattern, material in table.items():
+        if not isinstance(material, str) or material not in known:
+            guess = did_you_mean(str(material), known)
+            raise MeshError(f"{path}: '{pattern}': unknown material '{material}'{guess} (known: {', '.join(known)})")
+    return table
