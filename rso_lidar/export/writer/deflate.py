@@ -308,7 +308,7 @@ def put_block(out: np.ndarray, state: np.ndarray, tokens: np.ndarray, head: int)
 def deflate_planes(
     data: np.ndarray, words: np.ndarray, size: int, changes: np.ndarray, tokens: np.ndarray, out: np.ndarray
 ) -> int:
-    """Compress the byte planes of items to a zlib stream.
+    """Compress the byte planes of items to a zlib stream; return the length of the stream [bytes].
 
     Parameters
     ----------
@@ -318,11 +318,6 @@ def deflate_planes(
     changes : scratch space (item)
     tokens : scratch space (byte)
     out : receives the stream; `bound_stream` bounds its length
-
-    Returns
-    -------
-    int
-        Length of the stream [bytes].
     """
     plane_ends = np.empty(size, np.int64)
     n_changes = find_changes(data, words, size, changes)

@@ -41,12 +41,7 @@ MEASURED = (
 
 
 def measure(observation: Observation) -> dict[str, float]:
-    """Compute the quantities of `MEASURED` from what the spacecraft could know of a flash.
-
-    Returns
-    -------
-    values by name.
-    """
+    """Compute the quantities of `MEASURED` from what the spacecraft could know of a flash; return values by name."""
     reading = observation.reading
     cluster = find_cluster(reading, GATE_M, MIN_PIXELS)
     has_cluster = bool(cluster.any())

@@ -131,16 +131,12 @@ class DistortionPart(Part):
         )
 
     def _solve(self, xd: np.ndarray, yd: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Solve distort(x, y) = (xd, yd) from a first guess.
+        """Solve distort(x, y) = (xd, yd) from a first guess; return x and y of the directions.
 
         Parameters
         ----------
         xd, yd : image points, tangents
         x, y : first guess of the directions, tangents
-
-        Returns
-        -------
-        x and y of the directions.
 
         Raises
         ------

@@ -64,16 +64,12 @@ def _rays(
     blocks: np.ndarray,
     marks: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Make the rays of a window of cells and of parts of cells.
+    """Make the rays of a window of cells and of parts of cells; return direction (ray, xyz), pixel and weight, by pixel.
 
     Parameters
     ----------
     owner, first_row, first_col, single : as `coverage.find_owners` returns them
     blocks, marks : as `coverage.mark_parts` returns them
-
-    Returns
-    -------
-    Direction (ray, xyz), pixel and weight, by pixel.
     """
     k, shape, is_bent = receiver.rays_per_side, receiver.shape, receiver.distortion is not None
     x, y = tangents_of_cells(receiver, (first_row, first_row + owner.shape[0]))

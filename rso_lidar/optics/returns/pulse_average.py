@@ -68,15 +68,11 @@ def _average_epochs(seen: Sequence[tuple[Hits, Photons]], pulses: int) -> tuple[
 
 
 def _join_hits(hits: Sequence[Hits], shares: np.ndarray) -> tuple[Hits, list[np.ndarray]]:
-    """Join the hits of all epochs, ordered by ray.
+    """Join the hits of all epochs, ordered by ray; return the hits, and for each epoch the new numbers of its hits.
 
     Parameters
     ----------
     shares : (epoch) share of the pulses
-
-    Returns
-    -------
-    The hits, and for each epoch the new numbers of its hits.
     """
     rays, ray_number = _join_rays([epoch_hits.rays for epoch_hits in hits], shares)
     ray = np.concatenate([number[epoch_hits.ray] for number, epoch_hits in zip(ray_number, hits, strict=True)])

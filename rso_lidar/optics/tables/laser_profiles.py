@@ -41,15 +41,11 @@ def read_pattern(file: str) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _pattern(file: str, _modified_ns: int, _size: int) -> np.ndarray:
-    """Read a pattern of the beam, cached until its file changes.
+    """Read a pattern of the beam, cached until its file changes; return (row, col) share of the energy in each cell.
 
     Parameters
     ----------
     file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
-
-    Returns
-    -------
-    (row, col) share of the energy in each cell.
 
     Raises
     ------
@@ -140,15 +136,11 @@ def read_pulse(file: str) -> tuple[np.ndarray, np.ndarray]:
 
 @lru_cache(maxsize=8)
 def _pulse(file: str, _modified_ns: int, _size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Read a measured pulse, cached until its file changes.
+    """Read a measured pulse, cached until its file changes; return times (row) [s], and powers (row) with a maximum of 1.
 
     Parameters
     ----------
     file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
-
-    Returns
-    -------
-    times (row) [s], and powers (row) with a maximum of 1.
 
     Raises
     ------

@@ -31,6 +31,7 @@ PAGE_DPI = 120  # of figures in web pages
 STYLES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))  # of lines beyond as many as there are colours
 
 ROUND = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # leading digits of the ends of scales
+HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
 LINE_IN = 0.17  # height of a line of small print [inches]
 
 

@@ -74,17 +74,13 @@ def target_numbers(surfaces: Sequence[Surface]) -> np.ndarray:
 def find_first_hits(
     rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | None, engine: Engine
 ) -> FirstHits:
-    """Find the first hit of each ray on all surfaces.
+    """Find the first hit of each ray on all surfaces; return the columns of the hits, in the order of rays.
 
     Parameters
     ----------
     rays : the rays, in lidar axes
     surfaces : the surfaces, each in its own axes
     threads : number of bands in parallel (None: one for each core)
-
-    Returns
-    -------
-    columns of the hits, in the order of rays.
     """
     _held, targets = _targets(tuple(surfaces), engine)  # embree frees a scene that is not referenced
     origin, turn = np.empty((len(surfaces), 3)), np.empty((len(surfaces), 3, 3))
