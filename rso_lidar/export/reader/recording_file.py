@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import operator
+import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import TracebackType
@@ -191,7 +192,7 @@ class RecordingFile:
         self._settings = list(self._file["settings"]) if "settings" in self._file else []
         self._ptu = "ptu" in self._file
         optional: list[str] = json.loads(attributes.get("optional_datasets", "[]"))
-        self._sunlit = [name for path in optional if (name := _extract_between("truth/", path, "/sunlit"))]
+        self._sunlit = [match[1] for path in optional if (match := re.fullmatch("truth/(.+)/sunlit", path))]
         groups = [group for group in intermediates.RECORDS if any(path.startswith(f"{group}/") for path in optional)]
         self.kept = tuple(groups)  # names of the intermediate records that it holds
         paths = ["time", "frame_index", *READING, *LABELS, "truth/sun_direction", *optional]
@@ -260,11 +261,6 @@ def _reopen(kind: type[RecordingFile], path: Path, count: int) -> RecordingFile:
         raise RecordingError(f"{path}: has {held} frames and had {count} in another process; open it again")
     again._count = count
     return again
-
-
-def _extract_between(start: str, text: str, end: str) -> str:
-    """Return the text between a prefix and a suffix, or an empty text where either is missing."""
-    return text[len(start) : -len(end)] if text.startswith(start) and text.endswith(end) else ""
 
 
 def _check_index(number: int, count: int) -> int:
