@@ -8,7 +8,6 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from tempfile import TemporaryDirectory
-from types import TracebackType
 from typing import Any, Self
 
 from rso_lidar.errors import RsoLidarError, RunError, ScenarioError
@@ -101,9 +100,7 @@ class Server:
             self._open = undone.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._open.close()
 
     def _authenticate(self, context: Any, undone: ExitStack) -> None:

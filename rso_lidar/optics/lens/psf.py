@@ -19,7 +19,13 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics.lens.hat_weights import HatGrid, airy_hats, gaussian_hats, grid_hats, halo_hats
 from rso_lidar.optics.tables import zemax
-from rso_lidar.optics.tables.number_text import convert_decimal_commas, file_stamp, parse_matrix, read_text
+from rso_lidar.optics.tables.number_text import (
+    cache_by_file,
+    convert_decimal_commas,
+    file_stamp,
+    parse_matrix,
+    read_text,
+)
 from rso_lidar.part import Fraction, NotNegative, Part, Positive, Text
 
 MOST_REACH = 16  # pixels to each side
@@ -109,11 +115,11 @@ class GridPsf(PsfPart):
 
     def read(self) -> None:
         """Read the table."""
-        _table(*file_stamp(self.file))
+        _table(self.file)
 
     def core(self, at: HatGrid) -> np.ndarray:
         """Return the hat weights (row, col) of the table."""
-        values = _table(*file_stamp(self.file))
+        values = _table(self.file)
         middle = (0.5 * (values.shape[0] - 1), 0.5 * (values.shape[1] - 1))
         return grid_hats(values, middle, self.spacing_um * units.UM, at)
 
@@ -351,13 +357,9 @@ def _hats(psf: AnyPsf, at: HatGrid, field_rad: float, azimuth_rad: float) -> np.
     return (1.0 - share) * psf.fields[upper - 1].psf.hats(at) + share * psf.fields[upper].psf.hats(at)
 
 
-@lru_cache(maxsize=32)
-def _table(path: str, _modified_ns: int, _size: int) -> np.ndarray:
+@cache_by_file(32)
+def _table(path: str) -> np.ndarray:
     """Return the intensities (row, col) of a text file of numbers.
-
-    Parameters
-    ----------
-    path, _modified_ns, _size : the file and its state, as `file_stamp` returns them
 
     Raises
     ------
