@@ -137,9 +137,7 @@ def _relight(
         if sunlight is not None:
             sunlight[on] = _compute_sunlight(here)
 
-    pieces = []
-    for k, of_surface in split_by_surface(number, len(surfaces)):
-        pieces += [(k, of_surface[start : start + BAND_RAYS]) for start in range(0, len(of_surface), BAND_RAYS)]
+    pieces = split_by_surface(number, len(surfaces), BAND_RAYS)
     run_in_threads(threads, lambda piece: light(*piece), pieces)
     return replace(hits, cos_incidence=cosine, brdf_per_sr=brdf, sunlight_per_sr=sunlight)
 

@@ -106,13 +106,18 @@ def find_first_hits(
     return first
 
 
-def split_by_surface(number: np.ndarray, n_surfaces: int) -> list[tuple[int, np.ndarray]]:
-    """Group hits by surface: return the number of each surface that is hit, and its hits in order."""
-    if n_surfaces == 1:
-        return [(0, np.arange(len(number)))] if len(number) else []
-    order = np.argsort(number, kind="stable")
-    edges = np.searchsorted(number[order], np.arange(n_surfaces + 1))
-    return [(k, order[a:b]) for k, (a, b) in enumerate(pairwise(edges.tolist())) if a < b]
+def split_by_surface(number: np.ndarray, n_surfaces: int, most: int | None = None) -> list[tuple[int, np.ndarray]]:
+    """Group hits by surface, at most `most` together: return the number of the surface, and the hits in order, of each."""
+    order, edges = np.arange(len(number)), [0, len(number)]
+    if n_surfaces > 1:
+        order = np.argsort(number, kind="stable")
+        edges = np.searchsorted(number[order], np.arange(n_surfaces + 1)).tolist()
+    step = most or max(len(number), 1)
+    return [
+        (k, order[a : min(a + step, end)])
+        for k, (begin, end) in enumerate(pairwise(edges))
+        for a in range(begin, end, step)
+    ]
 
 
 class Columns(NamedTuple):
