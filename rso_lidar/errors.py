@@ -172,13 +172,7 @@ class _PlacePrefix(AbstractContextManager[None]):
 
 
 def rephrase(error: RsoLidarError, message: str) -> RsoLidarError:
-    """Return an error of the same class and attributes, such as the mask of bad epochs, with another message.
-
-    Parameters
-    ----------
-    error : to copy
-    message : of the copy
-    """
+    """Return an error of the same class and attributes, such as the mask of bad epochs, with another message."""
     copy = type(error)(message)
     vars(copy).update(vars(error))
     return copy
@@ -219,7 +213,6 @@ def join_problems(problems: Iterable[str], separator: str = "; ") -> str:
     Parameters
     ----------
     problems : descriptions, the causes first
-    separator : text between two of them
 
     >>> join_problems(["a: is missing", "b: is missing"])
     'a: is missing; b: is missing'

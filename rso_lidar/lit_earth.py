@@ -16,7 +16,6 @@ def earth_radiance(direction: np.ndarray, earth: np.ndarray, sun: np.ndarray, al
     ----------
     direction : (…, 3) unit vectors
     earth, sun : (xyz) vectors to the centres of the Earth and the Sun [m]
-    albedo : of the Earth
     """
     along = np.sum(direction * earth, axis=-1)
     inside = along**2 - float(earth @ earth) + units.EARTH_RADIUS_M**2

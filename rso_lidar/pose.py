@@ -277,7 +277,6 @@ class PoseTree(Mapping[str, Link]):
 
         Parameters
         ----------
-        name, parent : the node and its parent
         link : parent_from_child with rates
         """
         return PoseTree({**self._parents, name: parent}, {**self._links, name: link})

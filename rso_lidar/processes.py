@@ -39,17 +39,11 @@ class Processes:
     """
 
     def __init__(self, count: int, function: Callable[..., Any]) -> None:
-        """Start the pool.
+        """Start the pool; raise `ScenarioError` if the function cannot be pickled, or this process is a daemon.
 
         Parameters
         ----------
-        count : number of processes
         function : called in each process with the arguments of `submit`
-
-        Raises
-        ------
-        ScenarioError
-            If the function cannot be pickled, or this process is a daemon.
         """
         import multiprocessing
         from concurrent.futures import ProcessPoolExecutor
@@ -192,17 +186,12 @@ def _format_warning(message: Warning | str, *_place: Any, **_more: Any) -> str:
     Parameters
     ----------
     message : the warning, which `warnings` passes
-    _place, _more : where it was raised, not used
     """
     return f"warning: {message}\n"
 
 
 def _refuse(problem: str, *_given: Any, **_chosen: Any) -> Any:
     """Raise the error of a scenario that cannot be rebuilt in a worker; it takes the place of the worker's function.
-
-    Parameters
-    ----------
-    _given, _chosen : arguments of that function, not used
 
     Raises
     ------
@@ -240,7 +229,6 @@ def open_dask_client(scheduler: str, workers: int, error: type[RsoLidarError] = 
     Parameters
     ----------
     scheduler : address of a running scheduler, such as ``tcp://10.0.0.1:8786``, or ``local``
-    workers : number of processes of a local cluster
     error : raised if dask is not installed, or no scheduler answers
     """
     try:

@@ -18,9 +18,6 @@ def cast_pixels(
     Parameters
     ----------
     receiver : decides how rays sample its pixels, by `sampling_error` or `rays_per_pixel`
-    laser : the laser of this pulse
-    surfaces : the surfaces of all targets
-    truth : where they are
     threads : number of threads (None: one per core). The result is bit for bit the same
 
     Returns

@@ -28,7 +28,6 @@ def find(path: str | Path, folder: Path | None = None) -> Path | None:
 
     Parameters
     ----------
-    path : as the user states it
     folder : start of relative paths (None: the working folder)
     """
     try:

@@ -5,7 +5,7 @@ import pytest
 
 from rso_lidar.optics import GaussianPsf, Receiver
 from rso_lidar.scene import Crinkled
-from rso_lidar.scene.casting.illumination import _disc
+from rso_lidar.scene.casting.cast import _disc
 from rso_lidar.scene.surfaces.examination import _median
 from tests.optics.bench_for_tests import PAPER_LASER, place, plate, see, surface, truth_of
 

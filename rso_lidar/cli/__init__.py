@@ -123,12 +123,7 @@ _shown: set[str] = set()
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_place: Any, **_more: Any) -> None:
-    """Print a warning in one line, each text once; a replacement of `warnings.showwarning`.
-
-    Parameters
-    ----------
-    *_place, **_more : where it was raised; not printed
-    """
+    """Print a warning in one line, each text once; a replacement of `warnings.showwarning`."""
     # Libraries break the lines of their warnings.
     line = (
         str(message)

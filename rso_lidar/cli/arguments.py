@@ -33,6 +33,19 @@ TrustCode = Annotated[
 ]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")]
+Camera = Annotated[
+    str,
+    typer.Option(
+        "--lidar",
+        metavar="PRESET|FILE",
+        help="Camera by name, or a scenario file with one.",
+        autocompletion=lambda: list(load_presets()),
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS|local", help="Scheduler of dask; local starts one, with --workers."),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
 Dark = Annotated[bool, typer.Option("--dark", help="Draw on a dark background.")]
 
@@ -131,12 +144,7 @@ def load_lidar(text: str) -> tuple[Lidar, Constraints | None]:
 
 
 def choose_scheduler(engine: str, scheduler: str | None, error: type[RsoLidarError] = ScenarioError) -> str | None:
-    """Return the scheduler that the options of a command choose; None for a pool of processes without dask.
-
-    Parameters
-    ----------
-    error : raised for values that do not fit
-    """
+    """Return the scheduler that the options of a command choose; None for a pool of processes without dask."""
     if engine not in ("pool", "dask"):
         raise error(f"--engine {engine}: is not an engine{did_you_mean(engine, ('pool', 'dask'))}; take pool or dask")
     if scheduler is not None and engine != "dask":

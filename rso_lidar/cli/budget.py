@@ -7,7 +7,6 @@ from typing import Annotated, Any
 import typer
 
 from rso_lidar.cli.arguments import Dark, Overwrite, Settings, TrustCode, TrustFmu, choose_scheme, parse_length_m
-from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable
@@ -21,7 +20,9 @@ def budget(
     camera: Annotated[
         str,
         typer.Argument(
-            metavar="FILE|PRESET", help="Scenario file (TOML), or a camera by name.", autocompletion=list_cameras
+            metavar="FILE|PRESET",
+            help="Scenario file (TOML), or a camera by name.",
+            autocompletion=lambda: list(load_presets()),
         ),
     ],
     range_: Annotated[

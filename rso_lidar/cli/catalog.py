@@ -1,6 +1,5 @@
 """`rso-lidar catalog`: contents and problems of a file of element sets, and selections from it."""
 
-import datetime
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +9,6 @@ import typer
 
 from rso_lidar import units
 from rso_lidar.cli.arguments import Overwrite, parse_instant
-from rso_lidar.cli.completion import list_regimes
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
@@ -32,7 +30,10 @@ def catalog(
     regime: Annotated[
         str | None,
         typer.Option(
-            "--regime", metavar="NAME", help="Orbits: leo, meo, geo, heo or other.", autocompletion=list_regimes
+            "--regime",
+            metavar="NAME",
+            help="Orbits: leo, meo, geo, heo or other.",
+            autocompletion=lambda: list(Catalog.REGIMES),
         ),
     ] = None,
     near: Annotated[
@@ -154,7 +155,7 @@ def _format_table(objects: Sequence[Sequence[ElementSet]]) -> list[str]:
     for sets in objects:
         newest = sets[-1]
         low, high = compute_heights_km(newest)
-        epochs = [_format_minute(entry.epoch_utc) for entry in sets]
+        epochs = [f"{entry.epoch_utc:%Y-%m-%dT%H:%MZ}" for entry in sets]
         rows.append(
             (
                 newest.name or "-",
@@ -175,10 +176,6 @@ def _format_table(objects: Sequence[Sequence[ElementSet]]) -> list[str]:
         ).rstrip()
         for row in rows
     ]
-
-
-def _format_minute(at: datetime.datetime) -> str:
-    return f"{at:%Y-%m-%dT%H:%MZ}"
 
 
 def _describe_jumps(sets: Sequence[ElementSet]) -> list[str]:

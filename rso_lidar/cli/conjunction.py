@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import Overwrite, load_lidar, parse_length_m
-from rso_lidar.cli.completion import list_cameras
+from rso_lidar.cli.arguments import Camera, Overwrite, load_lidar, parse_length_m
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable, write_text
 from rso_lidar.study import assess_conjunction, conjunction_scenario_text
@@ -31,15 +30,7 @@ def conjunction(
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws, and of the scenario.")] = 0,
     follower: Annotated[int, typer.Option("--follower", min=1, max=2, help="Object with the lidar: 1 or 2.")] = 1,
-    lidar: Annotated[
-        str,
-        typer.Option(
-            "--lidar",
-            metavar="PRESET|FILE",
-            help="Camera by name, or a scenario file with one.",
-            autocompletion=list_cameras,
-        ),
-    ] = "long_range_1064",
+    lidar: Camera = "long_range_1064",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write a scenario of it to this .toml.")] = None,
     overwrite: Overwrite = False,
 ) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import dataset
-from rso_lidar.cli.arguments import TrustCode, TrustFmu, choose_scheduler
+from rso_lidar.cli.arguments import Scheduler, TrustCode, TrustFmu, choose_scheduler
 from rso_lidar.cli.progress import Bar, announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import DatasetError
@@ -32,12 +32,7 @@ def make(
             "--engine", metavar="pool|dask", help="Engine that makes the shards: processes on this machine, or dask."
         ),
     ] = "pool",
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", metavar="ADDRESS|local", help="Scheduler of dask; local starts one, with --workers."
-        ),
-    ] = None,
+    scheduler: Scheduler = None,
     shards: Annotated[
         str | None,
         typer.Option(

@@ -11,6 +11,7 @@ from rso_lidar.cli.arguments import (
     Dark,
     Overwrite,
     ScenarioFile,
+    Scheduler,
     Seed,
     Settings,
     TrustCode,
@@ -19,7 +20,7 @@ from rso_lidar.cli.arguments import (
     choose_scheme,
     join_settings,
 )
-from rso_lidar.cli.progress import show_progress
+from rso_lidar.cli.progress import count_steps
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import set_advice
@@ -48,12 +49,7 @@ def disperse(
     engine: Annotated[
         str, typer.Option("--engine", metavar="pool|dask", help="Engine that flies the runs: processes here, or dask.")
     ] = "pool",
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", metavar="ADDRESS|local", help="Scheduler of dask; local starts one, with --workers."
-        ),
-    ] = None,
+    scheduler: Scheduler = None,
     seed: Seed = None,
     settings: Settings = None,
     trust_code: TrustCode = False,
@@ -73,21 +69,12 @@ def disperse(
     scenario = Scenario.load(file, join_settings(settings, seed), trust_code=trust_code, trust_fmu=trust_fmu)
     working = output.with_name(f".{output.stem}.runs")
     set_advice(lambda: to_one_line(f"finished runs are kept beside {output}; the same command goes on"))
-    with show_progress(runs, 0, "dispersing", of="run") as bar:
-        shown = 0
-
-        def step(done: int, _: int) -> None:
-            nonlocal shown
-            for _ in range(done - shown):
-                bar.advance()
-            shown = done
-
-        with ExitStack() as stack:
-            how: dict[str, Any] = {"workers": workers}
-            if by is not None:
-                client = stack.enter_context(open_dask_client(by, workers or os.cpu_count() or 1))
-                how = {"executor": client.get_executor()}
-            dispersed_mission = disperse_mission(scenario, runs, target=target, working=working, on_runs=step, **how)
+    with count_steps("dispersing", "run") as step, ExitStack() as stack:
+        how: dict[str, Any] = {"workers": workers}
+        if by is not None:
+            client = stack.enter_context(open_dask_client(by, workers or os.cpu_count() or 1))
+            how = {"executor": client.get_executor()}
+        dispersed_mission = disperse_mission(scenario, runs, target=target, working=working, on_runs=step, **how)
     dispersed_mission.save(output, scheme)
     if tubes is not None:
         dispersed_mission.save_tubes(tubes)

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from rso_lidar.cli.arguments import (
+    Camera,
     Dark,
     Overwrite,
     TrustCode,
@@ -17,7 +18,6 @@ from rso_lidar.cli.arguments import (
     parse_instant,
     parse_length_m,
 )
-from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
@@ -80,15 +80,7 @@ def encounters(
         bool, typer.Option("--all-pairs", help="Every two objects, the lidar on the first, instead of --follower.")
     ] = False,
     days: Annotated[float, typer.Option("--days", help="Length of the search [days].")] = 1.0,
-    lidar: Annotated[
-        str,
-        typer.Option(
-            "--lidar",
-            metavar="PRESET|FILE",
-            help="Camera by name, or a scenario file with one.",
-            autocompletion=list_cameras,
-        ),
-    ] = "long_range_1064",
+    lidar: Camera = "long_range_1064",
     target_size: Annotated[
         str | None,
         typer.Option(
@@ -247,8 +239,6 @@ def choose_columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: i
 
     Parameters
     ----------
-    heads : heads of all columns
-    rows : rows of text, each with a cell for every head
     width : columns of characters
 
     Returns
@@ -283,7 +273,6 @@ def _choose_constraints(
 
     Parameters
     ----------
-    asked : constraints of the scenario file, if any
     angles_deg : angles of options, by name [deg]
     keep_out_m : keep-out distance of an option [m]
     """

@@ -6,8 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from rso_lidar import export as files
-from rso_lidar.cli.arguments import Overwrite, RecordingFile, select_frames
-from rso_lidar.cli.completion import list_formats
+from rso_lidar.cli.arguments import Overwrite, RecordedFrames, RecordingFile, select_frames
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
@@ -30,17 +29,10 @@ def export(
             "--format",
             metavar="NAME",
             help=f"Instead of the suffix: {', '.join(FORMATS)}.",
-            autocompletion=list_formats,
+            autocompletion=lambda: list(FORMATS),
         ),
     ] = None,
-    frames: Annotated[
-        str | None,
-        typer.Option(
-            "--frames",
-            metavar="A:B",
-            help="Frames A to B-1 only, by number in the scenario; a third number after another colon is the step.",
-        ),
-    ] = None,
+    frames: RecordedFrames = None,
     target: Annotated[
         str | None,
         typer.Option(

@@ -32,13 +32,7 @@ LiveOrigin = Annotated[
 def open_live_view(
     scenario: Scenario, live: bool, address: str | None, viewer: str | None, origins: list[str] | None
 ) -> QueuedView | None:
-    """Open a live view where one is asked for, and print where it is.
-
-    Parameters
-    ----------
-    scenario : that is shown
-    live, address, viewer, origins : the options; any of them asks for a view
-    """
+    """Open a live view where one is asked for, and print where it is."""
     if not live and address is None and viewer is None and not origins:
         return None
     if viewer not in (None, "foxglove", "rerun"):

@@ -1,4 +1,4 @@
-"""`rso-lidar models add` and `remove`: models in the user's own library."""
+"""`rso-lidar models add`, `check` and `remove`: meshes, examined and put into the user's own library."""
 
 import math
 from pathlib import Path
@@ -6,11 +6,11 @@ from typing import Annotated, Literal, get_args
 
 import typer
 
-from rso_lidar.cli.completion import list_classes, list_own_models, list_shapes, list_stabilisations
+from rso_lidar.cli.models_show import list_own_models
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError, did_you_mean
 from rso_lidar.records import ObjectClass, ShapeFamily, Stabilisation
-from rso_lidar.scene import MeshOptions, add_model, own_folder, remove_model
+from rso_lidar.scene import MeshOptions, add_model, examine_file, own_folder, remove_model
 
 MeshFile = Annotated[Path, typer.Argument(metavar="PATH", help="STL, OBJ, PLY, GLB, glTF or OFF; STEP or IGES.")]
 
@@ -35,17 +35,27 @@ def add(
     ] = None,
     object_class: Annotated[
         str | None,
-        typer.Option("--class", help=f"One of {', '.join(get_args(ObjectClass))}.", autocompletion=list_classes),
+        typer.Option(
+            "--class",
+            help=f"One of {', '.join(get_args(ObjectClass))}.",
+            autocompletion=lambda: [*get_args(ObjectClass)],
+        ),
     ] = None,
     subclass: Annotated[str | None, typer.Option("--subclass", help="Any word, such as relay_satellite.")] = None,
     shape: Annotated[
         str | None,
-        typer.Option("--shape", help=f"One of {', '.join(get_args(ShapeFamily))}.", autocompletion=list_shapes),
+        typer.Option(
+            "--shape",
+            help=f"One of {', '.join(get_args(ShapeFamily))}.",
+            autocompletion=lambda: [*get_args(ShapeFamily)],
+        ),
     ] = None,
     stabilisation: Annotated[
         str | None,
         typer.Option(
-            "--stabilisation", help=f"One of {', '.join(get_args(Stabilisation))}.", autocompletion=list_stabilisations
+            "--stabilisation",
+            help=f"One of {', '.join(get_args(Stabilisation))}.",
+            autocompletion=lambda: [*get_args(Stabilisation)],
         ),
     ] = None,
     rate_deg_s: Annotated[
@@ -132,3 +142,17 @@ def _parse_point(text: str | None) -> tuple[float, float, float] | None:
     except ValueError:
         raise MeshError(f"--center-of-mass {text}: is not X,Y,Z; write for example 0.1,0,-0.4") from None
     return x, y, z
+
+
+def check(
+    path: MeshFile,
+    scale: Annotated[float | None, typer.Option("--scale", help="Metres in one unit of the file.")] = None,
+) -> None:
+    """Examine a mesh: units, holes, winding, strays, hidden parts, and repairs made on loading.
+
+    PATH may also be the name of a model. Nothing is changed; any mesh that can be loaded can be simulated.
+    """
+    lines = examine_file(path, scale).lines()
+    echo(f"{path}")
+    for line in lines:
+        echo(line)

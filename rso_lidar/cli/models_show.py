@@ -7,9 +7,9 @@ import typer
 from rich.table import Table
 
 from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme
-from rso_lidar.cli.completion import list_models
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
+from rso_lidar.errors import RsoLidarError
 from rso_lidar.files import check_writable
 from rso_lidar.mission_analysis import ModelCard, make_model_card
 from rso_lidar.picture import FIGURE_SUFFIXES
@@ -18,13 +18,21 @@ from rso_lidar.scene import models, own_models
 WIDE = 112  # columns that the tables need: no number is cut off
 
 
+def list_own_models() -> list[str]:
+    """Return the names of the models of the user's library; none where it cannot be read."""
+    try:
+        return sorted(own_models())
+    except (RsoLidarError, OSError):  # commands report a damaged library
+        return []
+
+
 def show(
     name: Annotated[
         str,
         typer.Argument(
             metavar="NAME",
             help="A model of the catalogue or of your own library, or the path of a mesh.",
-            autocompletion=list_models,
+            autocompletion=lambda: sorted({*models(), *list_own_models()}),
         ),
     ],
     output: Annotated[

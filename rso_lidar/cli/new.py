@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from rso_lidar.cli.arguments import Overwrite
-from rso_lidar.cli.completion import list_examples
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_atomically
@@ -23,7 +22,10 @@ def new(
         typer.Argument(metavar="NAME", help="File to write, .toml added; left out, the examples are listed."),
     ] = None,
     example: Annotated[
-        str, typer.Option("--from", metavar="EXAMPLE", help="Example to copy.", autocompletion=list_examples)
+        str,
+        typer.Option(
+            "--from", metavar="EXAMPLE", help="Example to copy.", autocompletion=lambda: list(find_examples())
+        ),
     ] = _DEFAULT,
     overwrite: Overwrite = False,
 ) -> None:

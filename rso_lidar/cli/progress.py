@@ -25,13 +25,7 @@ class Bar(Protocol):
 
 @contextmanager
 def show_progress(total: int, done: int, doing: str = "flying", of: str = "frame") -> Iterator[Bar]:
-    """Show a bar with rate and time left on a terminal, or plain lines elsewhere.
-
-    Parameters
-    ----------
-    total : number of items
-    done : number of items that were there before
-    """
+    """Show a bar with rate and time left on a terminal, or plain lines elsewhere."""
     if sys.stderr is None or not sys.stderr.isatty():
         yield _Lines(total, done, of)
         return
@@ -119,12 +113,7 @@ class _Pace:
 
 class _Lines:
     def __init__(self, total: int, done: int, of: str) -> None:
-        """Prepare lines of progress.
-
-        Parameters
-        ----------
-        total, done : frames of the run, and frames that exist already
-        """
+        """Prepare lines of progress."""
         self._total, self._done, self._of = total, done, of
         self._said = time.monotonic()
         self._pace = _Pace()

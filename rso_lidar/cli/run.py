@@ -112,12 +112,7 @@ def run(
 
 
 def _describe_kept_frames(recorder: export.Recorder, count: int, *, resume: bool) -> str:
-    """Describe what an interrupted run leaves, and how to continue.
-
-    Parameters
-    ----------
-    resume : whether the run continued an older one
-    """
+    """Describe what an interrupted run leaves, and how to continue."""
     if not recorder.temporary.exists():
         return f"all {count} frames are in {recorder.path}" if recorder.written == count else "no frame was recorded"
     if not recorder.written:

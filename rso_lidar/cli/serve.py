@@ -93,13 +93,13 @@ def serve(
         show = undone.enter_context(view).show if view else None
         session = Session(simulation, serves_truth=truth, recorder=recorder, show=show)
         server = undone.enter_context(
-            Server(session, bind, publish=publish, security=security, deadlines=deadlines, log=_log)
+            Server(session, bind, publish=publish, security=security, deadlines=deadlines, log=echo)
         )
         with announce_compiling():
             simulation.step()  # compiles before the first request
         simulation.reset()
         stream = f"; readings at {server.stream}" if server.stream else ""
-        _log(f"serving     {scenario.name} at {server.endpoint}{stream}")
+        echo(f"serving     {scenario.name} at {server.endpoint}{stream}")
         try:
             with interruption.take_first_signal(signals.append):
                 server.run(lambda: bool(signals))
@@ -117,11 +117,6 @@ def _report(recorder: FlightRecorder | None, deadlines: Deadlines | None) -> Non
     if recorder is not None:
         recorder.complete()
         for path, count in recorder.completed:
-            _log(f"recorded    {path} ({count} frame{'s' * (count != 1)})")
+            echo(f"recorded    {path} ({count} frame{'s' * (count != 1)})")
     for line in deadlines.report() if deadlines else ():
-        _log(line)
-
-
-def _log(line: str) -> None:
-    """Print a line at once, for the program that started the server."""
-    echo(line)
+        echo(line)

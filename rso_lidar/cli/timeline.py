@@ -61,12 +61,7 @@ _LIKELY = 0.9  # probability of detection from which a frame counts in the summa
 
 
 def _summarise(history: Timeline, mirrored: bool, finding: str) -> list[str]:
-    """Summarise the encounter in a few lines.
-
-    Parameters
-    ----------
-    mirrored : whether the target has retro-reflectors
-    """
+    """Summarise the encounter in a few lines."""
     table = history.table
     time_s, range_m = table["time_s"], table["range_m"]
     nearest = find_first_least(range_m)

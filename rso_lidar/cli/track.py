@@ -125,10 +125,6 @@ def _describe_hinge(name: str, table: dict[str, np.ndarray]) -> str:
 def describe_consistency(nis_mean: float, count: int) -> str:
     """Explain a mean NIS outside its 95 % bounds and the option to change; empty if it is inside.
 
-    Parameters
-    ----------
-    count : number of innovations in the mean
-
     Notes
     -----
     Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), sec. 5.4: a mean below

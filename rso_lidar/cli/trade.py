@@ -92,13 +92,7 @@ def trade(
 
 
 def _choose_outputs(file: Path, given: str | None, *, new: bool) -> list[Path]:
-    """Return the paths of the table, of the report, and of a second table if one is requested.
-
-    Parameters
-    ----------
-    given : path that the user gave, if any
-    new : whether a folder that does not exist may be named
-    """
+    """Return the paths of the table, of the report, and of a second table if one is requested."""
     try:
         output = Path(given or ".").expanduser()
     except RuntimeError:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.arguments import Dark, Overwrite, RecordingFile, choose_scheme, select_frames
+from rso_lidar.cli.arguments import Dark, Overwrite, RecordedFrames, RecordingFile, choose_scheme, select_frames
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
@@ -25,14 +25,7 @@ def view(
             autocompletion=lambda: list(ViewerChoice.COLOURS),
         ),
     ] = "range",
-    frames: Annotated[
-        str | None,
-        typer.Option(
-            "--frames",
-            metavar="A:B",
-            help="Frames A to B-1 only, by number in the scenario; a third number after another colon is the step.",
-        ),
-    ] = None,
+    frames: RecordedFrames = None,
     tool: Annotated[
         str | None,
         typer.Option(

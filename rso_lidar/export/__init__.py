@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rso_lidar.export.layout.datasets import collect_truth
     from rso_lidar.export.layout.intermediates import PhotonImage, check_kept
     from rso_lidar.export.reader.hdf5_checks import check_declared_size, open_checked
-    from rso_lidar.export.reader.outside_data import check_self_contained
+    from rso_lidar.export.reader.hdf5_file import check_self_contained
     from rso_lidar.export.reader.recording import Frames, Recording
     from rso_lidar.export.reader.status import RecordingStatus, read_status
     from rso_lidar.export.reader.stored_array import StoredArray

@@ -89,7 +89,6 @@ def _read_stream(stream: IO[bytes], place: str, error: type[RsoLidarError], most
     Parameters
     ----------
     stream : at byte 0 of the array's header
-    error : class of the error for an array that is too large or of other types
     most_bytes : largest size of the array [byte]
     """
     version = np.lib.format.read_magic(stream)

@@ -99,10 +99,7 @@ def read_bytes(path: Path, most_bytes: int, error: type[RsoLidarError], what: st
 
     Parameters
     ----------
-    path : of the file
-    most_bytes : largest allowed size [byte]
-    error : class of the error to raise
-    what : kind of file that is expected, for messages
+    path, most_bytes, error, what : as for `check_regular`
 
     Returns
     -------
@@ -134,10 +131,7 @@ def read_text(path: Path, most_bytes: int, error: type[RsoLidarError], what: str
 
     Parameters
     ----------
-    path : of the file
-    most_bytes : largest allowed size [byte]
-    error : class of the error to raise
-    what : kind of file that is expected, for messages
+    path, most_bytes, error, what : as for `check_regular`
 
     Returns
     -------

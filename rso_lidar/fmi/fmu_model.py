@@ -95,12 +95,7 @@ class FmuModel(Part):
         return run
 
     def _check_set_once(self, file: str, inputs: list[str | None]) -> None:
-        """Refuse a variable that is set twice: one of the two values would be lost.
-
-        Parameters
-        ----------
-        inputs : names of the variables that are mapped as inputs
-        """
+        """Refuse a variable that is set twice: one of the two values would be lost."""
         for place, name in enumerate(inputs):
             if name in inputs[:place]:
                 raise ScenarioError(f"{file}: '{name}' is mapped twice in `inputs`; map each variable once")

@@ -102,8 +102,6 @@ class Host:
         interface : "co_simulation" or "model_exchange"
         step_s : grid of the run [s]
         tolerance : relative, for the FMU's own integration
-        start : names of variables and their start values
-        inputs, outputs : names of the variables that are set and read
         first : inputs (input,) at t = 0
         """
         from fmpy.fmi2 import FMU2Model, FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
@@ -173,7 +171,8 @@ class Host:
             state = fmu.getFMUState()
             data = fmu.serializeFMUState(state)
             fmu.freeFMUState(state)
-        return pickle.dumps((self.tick, bytes(data), self._model_state()))
+        model = (list(self._states), self._row, self._next_s) if self.is_model else None
+        return pickle.dumps((self.tick, bytes(data), model))
 
     def restore(self, saved: bytes) -> None:
         """Go back, or on, to a saved state."""
@@ -243,9 +242,6 @@ class Host:
         self._row = ()
         self._next_s = np.inf
         self._update_discrete()
-
-    def _model_state(self) -> Any:
-        return (list(self._states), self._row, self._next_s) if self.is_model else None
 
     def _update_discrete(self) -> None:
         """Iterate an event, in event mode, and go back to continuous time."""

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Protocol, Self
 
 _MOST_CONNECTIONS = 128  # to one socket, with three descriptors each
@@ -75,9 +74,7 @@ class Gateway:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """End, after the last bytes of the server have been sent."""
         self._wake.close()
         if self._thread.ident is not None:
@@ -96,8 +93,6 @@ class Gateway:
         Parameters
         ----------
         public : such as ``tcp://127.0.0.1:5571``, with a numeric host and port 0 for a free one, or ``ipc://lidar``
-        backend : of the socket of the server
-        make_limits : makes the limits of one connection
 
         Raises
         ------

@@ -10,14 +10,13 @@ if TYPE_CHECKING:
     from rso_lidar.optics.lens.internal_reflections import Ghost
     from rso_lidar.optics.lens.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
     from rso_lidar.optics.lens.surface_scatter import Baffle, Glare
-    from rso_lidar.optics.oversampling import oversample
     from rso_lidar.optics.rays.adaptive import AdaptiveSampling
     from rso_lidar.optics.rays.grid_error import estimate_grid_variance
     from rso_lidar.optics.rays.pixel_rays import pixel_rays
     from rso_lidar.optics.receiver import Receiver
     from rso_lidar.optics.returns.blur import read_files
     from rso_lidar.optics.returns.pulse_average import assign_pulses, average_pulses
-    from rso_lidar.optics.returns.radiometry import collect, pixel_photons
+    from rso_lidar.optics.returns.radiometry import collect, oversample, pixel_photons
     from rso_lidar.optics.stray.glare import add_stray_light, see_sky, veil_on_axis
     from rso_lidar.optics.stray.sources import STRAY_BODIES
     from rso_lidar.optics.sunlight import sun_photons_per_s_m2

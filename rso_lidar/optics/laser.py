@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics.tables.laser_profiles import find_full_width_s, read_pattern, read_pulse
-from rso_lidar.optics.tables.number_text import file_stamp
+from rso_lidar.optics.tables.number_text import cache_by_file
 from rso_lidar.part import NotNegative, Number, Part, Positive, Text, Vector
 
 Divergence = Annotated[Positive, Field(lt=180)]
@@ -137,14 +137,14 @@ class Laser(Part):
         if self.pulse_shape != "measured":
             return self.pulse_fwhm_ns * units.NS
         assert self.pulse_file is not None
-        return _measured_width_s(*file_stamp(self.pulse_file))
+        return _measured_width_s(self.pulse_file)
 
     @property
     def pulse(self) -> tuple[float, np.ndarray]:
         """Step [s] and taps (tap) of the pulse: power over energy [1/s], the middle tap at time zero."""
         if self.pulse_shape == "measured":
             assert self.pulse_file is not None
-            return _measured_taps(*file_stamp(self.pulse_file))
+            return _measured_taps(self.pulse_file)
         order = 1.0 if self.pulse_shape == "gaussian" else self.pulse_order
         return _taps(self.pulse_fwhm_ns * units.NS, order)
 
@@ -283,24 +283,15 @@ def _taps(fwhm_s: float, order: float) -> tuple[float, np.ndarray]:
     return step_s, power
 
 
-@lru_cache(maxsize=16)
-def _measured_width_s(file: str, _modified_ns: int, _size: int) -> float:
-    """Return the full width at half maximum of a measured pulse [s], cached until its file changes.
-
-    Parameters
-    ----------
-    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
-    """
+@cache_by_file(16)
+def _measured_width_s(file: str) -> float:
+    """Return the full width at half maximum of a measured pulse [s]."""
     return find_full_width_s(*read_pulse(file))
 
 
-@lru_cache(maxsize=16)
-def _measured_taps(file: str, _modified_ns: int, _size: int) -> tuple[float, np.ndarray]:
-    """Sample a measured pulse at even steps about its centroid, cached until its file changes.
-
-    Parameters
-    ----------
-    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
+@cache_by_file(16)
+def _measured_taps(file: str) -> tuple[float, np.ndarray]:
+    """Sample a measured pulse at even steps about its centroid.
 
     Returns
     -------

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rso_lidar.scene.casting.cast import cast
     from rso_lidar.scene.casting.contours import contours
     from rso_lidar.scene.casting.extent import extent
-    from rso_lidar.scene.casting.sky import find_hidden
+    from rso_lidar.scene.casting.shadows import find_hidden
     from rso_lidar.scene.embree.engine import engine
     from rso_lidar.scene.labels import label
     from rso_lidar.scene.library.adding import MeshOptions, add_model, remove_model

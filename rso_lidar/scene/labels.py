@@ -87,16 +87,7 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
 
 
 def _write_labels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
-    """Write the labels of all pixels with returns.
-
-    Parameters
-    ----------
-    hits, photons : what was hit, and the light that came back
-
-    Returns
-    -------
-    Mean range [m] and photons of each cluster.
-    """
+    """Write the labels of all pixels with returns; return mean range [m] and photons of each cluster."""
     if photons.filled_fraction is not None:
         labels["filled_fraction"] = photons.filled_fraction.ravel()
     else:
@@ -129,16 +120,11 @@ def sum_weights(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> 
 def label_pixels(
     returns: ReturnColumns, n_clusters: int, struck: HitColumns, written: LabelColumns
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Write the labels of all pixels with returns.
+    """Write the labels of all pixels with returns; return mean range [m] and photons of each cluster.
 
     Parameters
     ----------
-    n_clusters : number of clusters
     written : the labels, to which is written
-
-    Returns
-    -------
-    Mean range [m] and photons of each cluster.
     """
     pixel, photons, delay_s, hit, cluster = returns
     weight, target, part, facet, cos_incidence = struck

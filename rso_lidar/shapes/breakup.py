@@ -8,12 +8,14 @@ Sources, and what is assumed:
 - Proportions: fragments of test satellites form two groups, needles with a large x/y and plates with a small one; the
   needles are mostly of carbon fibre (Hanada and Liou 2009, 5th European Conference on Space Debris). Nuggets are about
   2 : sqrt(2) : 1 (Michikami et al. 2016, Icarus 264, 316: of basalt). The limits in this module about these are assumed.
-- Area over mass: the NASA Standard Breakup Model. It has no flexible pieces; theirs is assumed.
+- Area over mass: the NASA Standard Breakup Model, 1998 revision (Johnson et al. 2001). It has no flexible pieces; theirs is
+  assumed. Its powers and logarithms are computed in decimal arithmetic, which has the same digits on every processor.
 - Tears, creases, curls and the choice of materials are assumed.
 """
 
 from __future__ import annotations
 
+import decimal
 import hashlib
 import math
 from collections.abc import Callable
@@ -27,10 +29,9 @@ from rso_lidar.kernels import packed
 from rso_lidar.philox import fill_row
 from rso_lidar.pose import dot, length
 from rso_lidar.records import FRAGMENT_LENGTHS_M, FragmentKind, ShapeFamily, Taxonomy, classify_size
-from rso_lidar.shapes.area_to_mass import draw_area_to_mass, power_of_ten
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid
-from rso_lidar.shapes.torn_sheets import bend_solids, build_sheet, draw_outline, sine_cosine
+from rso_lidar.shapes.torn_sheets import UniformNumbers, bend_solids, build_sheet, draw_outline, sine_cosine
 
 _KINDS: tuple[FragmentKind, ...] = get_args(FragmentKind)
 _DENSITY_KG_M3 = {"aluminium": 2700.0, "cfrp": 1600.0, "mli_gold": 1420.0, "mli_silver": 1420.0}  # MLI: of Kapton
@@ -38,18 +39,16 @@ _SHAPE, _MASS = 0, 1  # random streams, so that the shape does not depend on the
 _STEP_M = 1e-9  # vertices are rounded to it
 _THINNEST = 5e-4  # thickness over characteristic length; thinner sheets are beyond what float32 rays resolve
 _THICKEST = 0.1
+_DIGITS = decimal.Context(prec=20)
+_SMALL_M, _LARGE_M = 0.08, 0.11  # between these lengths the two distributions are bridged (Johnson et al., eq. 6 and 7)
+_UNIFORMS = 12  # whose sum less 6 is a normal number to within its 4-sigma tails
 
 
 class _Numbers:
     """Random numbers of one fragment; each has an address: seed, kind, stream, call and place."""
 
     def __init__(self, seed: int, kind: FragmentKind, stream: int) -> None:
-        """Begin a stream of numbers.
-
-        Parameters
-        ----------
-        stream : number of the stream
-        """
+        """Begin a stream of numbers."""
         self._key = packed(np.random.SeedSequence(seed).generate_state(2, np.uint32))
         self._kind, self._stream, self._call = _KINDS.index(kind), stream, 0
 
@@ -112,7 +111,7 @@ def breakup_fragment(kind: FragmentKind, seed: int, characteristic_length_m: flo
     category, numbers = _CATEGORIES[kind], _Numbers(seed, kind, _MASS)
     material = category.materials[int(numbers.between(0, len(category.materials)))]
     if kind == "flexible":
-        ratio = power_of_ten(numbers.between(0.0, 1.0))  # foils and blankets of 0.05 to 0.5 kg/m2; assumed
+        ratio = _power_of_ten(numbers.between(0.0, 1.0))  # foils and blankets of 0.05 to 0.5 kg/m2; assumed
     else:
         ratio = draw_area_to_mass(characteristic_length_m, numbers)
     density = _DENSITY_KG_M3[material]
@@ -195,12 +194,7 @@ def _make_bent_rod(numbers: _Numbers, _thickness: float) -> Solid:
 
 
 def _make_rod(numbers: _Numbers, aspect: float) -> Solid:
-    """Make a rod along x, from -1 to 1, with an oval section.
-
-    Parameters
-    ----------
-    numbers : random numbers of the fragment
-    """
+    """Make a rod along x, from -1 to 1, with an oval section."""
     sides, stations = 12, 28
     sine, cosine = sine_cosine(np.arange(sides) * (2.0 * math.pi / sides))
     rough = 0.9 + 0.2 * np.asarray(numbers.random(sides))
@@ -325,3 +319,42 @@ def _find_surface(solid: Solid) -> float:
     """Return the area of all facets."""
     a, b, c = (solid.vertices[solid.facets[:, k]] for k in range(3))
     return 0.5 * math.fsum(length(np.cross(b - a, c - a)).tolist())
+
+
+def _power_of_ten(exponent: float) -> float:
+    """Return ten to a power."""
+    return float(_DIGITS.power(decimal.Decimal(10), _DIGITS.create_decimal(exponent)))
+
+
+def draw_area_to_mass(length_m: float, numbers: UniformNumbers) -> float:
+    """Draw the area-to-mass ratio [m2/kg] of a fragment of a spacecraft.
+
+    Its logarithm is normal below 8 cm and a mixture of two normal distributions above 11 cm. Between the two lengths one of
+    both is chosen, with a probability that is linear in length.
+
+    Parameters
+    ----------
+    length_m : characteristic length of the fragment [m]
+    numbers : random numbers of the fragment
+    """
+    x = float(_DIGITS.log10(_DIGITS.create_decimal(length_m)))
+    is_large = numbers.random() < (length_m - _SMALL_M) / (_LARGE_M - _SMALL_M)
+    first, normal = numbers.random(), float(sum(numbers.random(_UNIFORMS).tolist())) - 0.5 * _UNIFORMS
+    if not is_large:
+        mean = _ramp(x, -1.75, -1.25, -0.3, -1.0)
+        sigma = 0.2 + 0.1333 * max(0.0, x + 3.5)
+    elif first < _ramp(x, -1.95, 0.55, 0.0, 1.0):
+        mean, sigma = _ramp(x, -1.1, 0.0, -0.6, -0.95), _ramp(x, -1.3, -0.3, 0.1, 0.3)
+    else:
+        mean, sigma = _ramp(x, -0.7, -0.1, -1.2, -2.0), _ramp(x, -0.5, -0.3, 0.5, 0.3)
+    return _power_of_ten(mean + sigma * normal)
+
+
+def _ramp(x: float, start: float, end: float, before: float, after: float) -> float:
+    """Return a value that is constant before and after a linear part.
+
+    Parameters
+    ----------
+    x : logarithm of the characteristic length in metres
+    """
+    return before + (after - before) * min(1.0, max(0.0, (x - start) / (end - start)))

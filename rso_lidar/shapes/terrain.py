@@ -88,17 +88,13 @@ def _boulders(heights: np.ndarray, cell_m: float, rocks: Abundance, rng: np.rand
 
 
 def height_at(heights_m: np.ndarray, cell_m: float, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-    """Interpolate heights bilinearly in a grid about the origin.
+    """Interpolate heights bilinearly in a grid about the origin; return heights [m], in the shape of the points.
 
     Parameters
     ----------
     heights_m : (row, col) heights [m], row 0 in the north
     cell_m : spacing of the grid [m]
     x_m, y_m : points, east and north of the origin [m]; those outside take the height of the edge
-
-    Returns
-    -------
-    Heights [m], in the shape of the points.
     """
     rows, cols = heights_m.shape
     col = np.clip(x_m / cell_m + 0.5 * (cols - 1), 0.0, cols - 1.0)

@@ -49,7 +49,6 @@ def draw_outline(numbers: UniformNumbers, corners: int, ragged: float, squeeze: 
 
     Parameters
     ----------
-    numbers : random numbers of the fragment
     corners : number of the long waves
     ragged : height of the teeth, share of the radius
 
@@ -107,10 +106,8 @@ def bend_solids(
 
     Parameters
     ----------
-    numbers : random numbers of the fragment
     solids : sheets or rods about the plane z = 0, bent alike
     curl : rolling angle per unit length [rad]
-    folds : number of creases
     along_x : whether solids are rolled along x, as rods are, and not along a random direction
     """
     heights = [np.zeros(len(solid.vertices)) for solid in solids]

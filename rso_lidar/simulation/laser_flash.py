@@ -92,13 +92,7 @@ def assemble_frame(
     kept: dict[str, Record],
     sensors: Mapping[str, SensorSamples] | None = None,
 ) -> Frame:
-    """Assemble a frame: reading and labels, with what the spacecraft could know and where the frame comes from.
-
-    Parameters
-    ----------
-    scenario, truth, lidar, index : what was flown, where everything was, the instrument in force, number of the frame
-    kept : intermediate records that the user requested
-    """
+    """Assemble a frame: reading and labels, with what the spacecraft could know and where the frame comes from."""
     measured = truth.pointing.measured_rad if truth.pointing else None
     sight = lidar.receiver.line_of_sight
     observation = Observation(truth.time_s, reading, lidar.settings, sight, measured, sensors or {})

@@ -113,12 +113,7 @@ def _fly(scenario: Scenario, workers: int | None, **chosen: Any) -> Iterator[Fra
 def _flash_in_parallel(
     scenario: Scenario, count: int, *, in_processes: bool
 ) -> Iterator[Callable[..., Callable[[], Frame]]]:
-    """Yield a function that starts a flash in the background and returns a function that waits for its frame.
-
-    Parameters
-    ----------
-    in_processes : whether processes work instead of threads
-    """
+    """Yield a function that starts a flash in the background and returns a function that waits for its frame."""
     call = partial(_make_part if in_processes else flash, scenario)
     with call_in_background(call, count, in_processes=in_processes) as start:
 

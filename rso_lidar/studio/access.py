@@ -40,8 +40,6 @@ class AccessControl:
 
         Parameters
         ----------
-        app : ASGI application
-        token : required of each client
         hosts : host names that requests may give, without the port (None: any)
         port : of the server; it names the cookie, because browsers share cookies among the ports of a host
         """

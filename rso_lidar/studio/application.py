@@ -26,7 +26,6 @@ def build_application(workspace: Workspace, *, token: str, hosts: frozenset[str]
 
     Parameters
     ----------
-    workspace : what all tabs share
     token, hosts, port : as in `AccessControl`
     """
     outer = fastapi.FastAPI(openapi_url=None)

@@ -32,9 +32,6 @@ class Document(EditableToml):
 
         Parameters
         ----------
-        folder : of the studio
-        text : of the scenario
-        name : of its file; empty for none
         draft_name : after which the draft of a document without a file is named
         """
         super().__init__(text)

@@ -118,13 +118,19 @@ class JobQueue:
 
         Parameters
         ----------
-        folder : of all files
         check : called just before a job starts; it raises an error where the job must not start, else returns its number
             of frames (0: unknown)
         """
         self.folder, self._check = folder, check
         self._lock, self._journal_lock = threading.RLock(), threading.Lock()
-        self.jobs = [Job(request, "stopped", self._tell_state(request)) for request in self._read_journal()]
+        self.jobs = [
+            Job(
+                request,
+                "stopped",
+                _STILL_RUNNING if self._has_status(request, "running") else "left by an earlier studio",
+            )
+            for request in self._read_journal()
+        ]
         self._worker: threading.Thread | None = None
         self._is_closing = False
 
@@ -282,9 +288,6 @@ class JobQueue:
                     self.folder.resolve(request.output, KINDS[request.kind].makes)
                     requests.append(request)
         return requests
-
-    def _tell_state(self, request: JobRequest) -> str:
-        return _STILL_RUNNING if self._has_status(request, "running") else "left by an earlier studio"
 
     def _has_status(self, request: JobRequest, name: str) -> bool:
         """Return whether the recording of a run is `running`, so that a process writes it, or `complete`."""

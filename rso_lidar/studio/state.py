@@ -24,13 +24,7 @@ class Workspace:
     """The folder, its open documents and its jobs: one for the process, shared by all tabs of the browser."""
 
     def __init__(self, path: Path) -> None:
-        """Open a folder.
-
-        Raises
-        ------
-        ScenarioError
-            If it is not a folder.
-        """
+        """Open a folder; raise `ScenarioError` if it is not a folder."""
         self.folder = Folder(path)
         self.jobs, self.recordings = JobQueue(self.folder, self._check_job), RecordingList(self.folder)
         self._documents: dict[str, Document] = {}
@@ -94,12 +88,6 @@ class Workspace:
 
     def save_as(self, document: Document, name: str, *, overwrite: bool = False) -> None:
         """Save a document under another name, by which tabs that open the file find it.
-
-        Parameters
-        ----------
-        document : to be saved
-        name : in the folder
-        overwrite : whether a file of that name may be replaced
 
         Raises
         ------

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from rso_lidar import export
-from rso_lidar.cli.info_follow import follow_recording
+from rso_lidar.cli.info import follow_recording
 from rso_lidar.errors import RunError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows renames no open file and has no SIGKILL")

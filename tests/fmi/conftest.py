@@ -4,7 +4,7 @@ import gc
 
 import pytest
 
-from rso_lidar.fmi.host_process import HostProcess
+from rso_lidar.fmi.run import HostProcess
 from rso_lidar.motion.dynamics import fmu_history
 
 

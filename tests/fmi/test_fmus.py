@@ -16,7 +16,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.cli.truth import truth
 from rso_lidar.errors import ScenarioError
-from rso_lidar.fmi import host, host_process
+from rso_lidar.fmi import host, run
 from rso_lidar.mission_analysis import fly_open_loop, timeline
 from rso_lidar.motion import FmuAttitude, FmuDrive, FmuMotion
 from rso_lidar.motion.dynamics.fmu_history import FmuHistory
@@ -293,12 +293,12 @@ def test_files_that_are_no_fmus(drive_file, folder, tmp_path, monkeypatch):
     ],
 )
 def test_fmus_that_fail(folder, monkeypatch, fail, told):
-    monkeypatch.setattr(host_process, "ANSWER_S", 10.0 if "sleep" not in fail else 1.0)
+    monkeypatch.setattr(run, "_ANSWER_S", 10.0 if "sleep" not in fail else 1.0)
     drive = describe_drive(build_drive(folder, fail=fail))
     if "sleep" in fail:
-        monkeypatch.setattr(host_process, "ANSWER_S", 10.0)
+        monkeypatch.setattr(run, "_ANSWER_S", 10.0)
     axes, further = drive.begin(0.1, 0.0)
-    monkeypatch.setattr(host_process, "ANSWER_S", 1.0 if "sleep" in fail else 10.0)
+    monkeypatch.setattr(run, "_ANSWER_S", 1.0 if "sleep" in fail else 10.0)
     if told is None:
         ((pan, _), _), _ = drive.advance(0.0, 1e-3, axes, further, np.array([[0.1, 0.0]]))
         assert pan == pytest.approx(0.1)
@@ -321,7 +321,7 @@ def test_the_process_of_an_fmu_ends_with_its_run(drive_file):
 ASKS = """
 import os, sys, threading, time
 from pathlib import Path
-from rso_lidar.fmi.host_process import HostProcess
+from rso_lidar.fmi.run import HostProcess
 
 drive, fifo = sys.argv[1:]
 idle = HostProcess(Path(drive))

@@ -15,7 +15,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.records import PART_CLASSES, classify_size
 from rso_lidar.scene import find_material, load_materials, models
 from rso_lidar.shapes import Solid, glb
-from rso_lidar.shapes.part_classes import _PARTS as PART_TABLE
+from rso_lidar.shapes.model import _PARTS as PART_TABLE
 from tests.house.sources import parse
 
 NAMES = sorted(builders())

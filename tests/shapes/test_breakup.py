@@ -15,7 +15,7 @@ from scipy.spatial.distance import pdist
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import FragmentKind
 from rso_lidar.shapes import breakup_fragment, hash_solid
-from rso_lidar.shapes.area_to_mass import draw_area_to_mass
+from rso_lidar.shapes.breakup import draw_area_to_mass
 from rso_lidar.shapes.torn_sheets import sine_cosine
 from tests.processor import other_processor
 

@@ -39,10 +39,6 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
 
     The number of an image is that of its frame. The number of an object is the position of its target in source.json,
     from 1. Intensities are 16-bit grey PNGs. No label holds what another target hides, so `mask` equals `mask_visib`.
-
-    Parameters
-    ----------
-    frames : written one at a time as they come
     """
     place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -69,7 +65,8 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
                     _write_camera(draft, frame, camera)
             depth_scale = _write_images(place, scene, frame)
             number = str(frame.index)
-            _write_entry(tables["scene_camera"], number, _describe_camera(frame, camera, depth_scale))
+            described = {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
+            _write_entry(tables["scene_camera"], number, described)
             poses, infos = _describe_objects(place, scene, frame)
             _write_entry(tables["scene_gt"], number, poses)
             _write_entry(tables["scene_gt_info"], number, infos)
@@ -168,7 +165,6 @@ def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
 
     Parameters
     ----------
-    frame : the first one, for its numbers of rows and columns
     camera : (3, 3) matrix [pixels]
     """
     rows, cols = frame.range_m.shape
@@ -181,17 +177,6 @@ def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
         "height": rows,
     }
     (folder / "camera.json").write_text(json.dumps(content, indent=1) + "\n", newline="\n")
-
-
-def _describe_camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> dict[str, Any]:
-    """Describe the camera of one image.
-
-    Parameters
-    ----------
-    camera : (3, 3) matrix [pixels]
-    depth_scale : [mm per count]
-    """
-    return {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
 
 
 def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -264,10 +249,5 @@ def _open_table(path: Path) -> Iterator[TextIO]:
 
 
 def _write_entry(stream: TextIO, key: str, value: Any) -> None:
-    """Write one entry of a JSON object.
-
-    Parameters
-    ----------
-    stream : with what was written so far
-    """
+    """Write one entry of a JSON object."""
     stream.write(f"{',' if stream.tell() > 1 else ''}\n{json.dumps(key)}: {json.dumps(value)}")

@@ -61,11 +61,6 @@ class RosStream:
 
     `kinds` holds the type of each topic, and `definitions` the message definition of each type. A message comes with its
     topic and the time [ns since 1970] at which it is known: of a sample, when flight software receives it.
-
-    Parameters
-    ----------
-    first : first frame
-    place : name of the output, for messages
     """
 
     def __init__(self, first: Frame, place: str | os.PathLike[str] = "ROS") -> None:
@@ -115,10 +110,6 @@ def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     float32. `/lidar/range` is 32FC1, slant range [m] with NaN. `/lidar/intensity` is mono16. `/tf` holds all axes,
     parent_from_child of each. `/labels/target` and `/labels/part` are 16SC1: indices of targets and their parts, -1 for
     sky. Each sample of another sensor is a message of its own, see `sensor_messages`.
-
-    Parameters
-    ----------
-    frames : written one at a time as they come
     """
     place = check_writable(path, overwrite=overwrite)
     check_mcap(place)

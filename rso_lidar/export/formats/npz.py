@@ -87,12 +87,7 @@ def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
 
 
 def _describe_arrays(first: Frame, variables: dict[str, Variable], *, changing: bool) -> dict[str, Any]:
-    """Return the attributes of each array and of the recording, by name, ready for JSON.
-
-    Parameters
-    ----------
-    changing : whether the lens changes
-    """
+    """Return the attributes of each array and of the recording, by name, ready for JSON."""
     source = first.source
     root = (
         get_root_attributes(source)

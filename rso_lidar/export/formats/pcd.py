@@ -33,7 +33,6 @@ def write_pcd(
     Parameters
     ----------
     path : of the folder; the files are 000000.pcd and so on, by the number of the frame
-    frames : written one at a time as they come
     viewpoint : axes in which VIEWPOINT gives the lidar's pose [m]. ``lidar`` gives the identity. A target's name makes
         viewers that apply it show all clouds in that target's axes. Viewers hold it in float32
     labels : write the labels `target` and `part` too (int16, -1 for sky)

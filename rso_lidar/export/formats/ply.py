@@ -24,7 +24,6 @@ def write_ply(
     Parameters
     ----------
     path : of the folder; the files are 000000.ply and so on, by the number of the frame
-    frames : written one at a time as they come
     labels : write the labels `target` and `part` too (short, -1 for sky)
     """
     return write_frame_files(path, frames, "ply", lambda frame: encode_ply(frame, labels=labels), overwrite=overwrite)

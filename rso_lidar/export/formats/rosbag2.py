@@ -19,12 +19,7 @@ METADATA = "metadata.yaml"
 
 
 def write_rosbag2(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
-    """Write a folder that ROS 2 plays: the MCAP file of `write_mcap` and its metadata. Return its path.
-
-    Parameters
-    ----------
-    frames : written one at a time as they come
-    """
+    """Write a folder that ROS 2 plays: the MCAP file of `write_mcap` and its metadata. Return its path."""
     place = check_export_folder(path, overwrite=overwrite)
     check_mcap(place)
     first, coming = take_first(place, frames)

@@ -104,7 +104,7 @@ def _make_topics(
     name: str, samples: SensorSamples, partner: str | None, table: Mapping[str, Any]
 ) -> Iterator[SensorTopic]:
     """Yield the topics of a sensor."""
-    base, axes = f"/sensors/{_to_word(name)}", name_axes(name)
+    base, axes = f"/sensors/{_to_word(name)}", f"sensors/{name}"
     match samples:
         case GyroSamples() | AccelerometerSamples():
             yield SensorTopic(f"{base}/imu", IMU, axes, (name, partner) if partner else (name,), _make_imu)
@@ -123,11 +123,6 @@ def _make_topics(
         case _:
             kind, definition = _define(samples)
             yield SensorTopic(f"{base}/samples", kind, axes, (name,), _make_own, definition)
-
-
-def name_axes(name: str) -> str:
-    """Return the frame id of the axes of a sensor."""
-    return f"sensors/{name}"
 
 
 def make_mounts(topics: Sequence[SensorTopic], source: Source) -> list[dict[str, Any]]:

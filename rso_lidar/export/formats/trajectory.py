@@ -9,7 +9,8 @@ from __future__ import annotations
 import csv
 import datetime
 import os
-from collections.abc import Callable, Iterable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -20,14 +21,16 @@ import numpy as np
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.export.formats.parquet import check_parquet, write_parquet
 from rso_lidar.export.formats.truth_batches import TruthBatch, peek_source, read_truth_batches
-from rso_lidar.export.reader.sample_table import read_samples, tabulate_samples
+from rso_lidar.export.layout.datasets import split_unit
+from rso_lidar.export.reader.recording import Frames, Recording
 from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
-from rso_lidar.records import Frame, Source, Truth, tabulate_truth
+from rso_lidar.records import Frame, SensorSamples, Source, Truth, join_samples, specs, tabulate_truth
 from rso_lidar.units import NS_PER_S
 
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 Utc = Callable[[np.ndarray], np.ndarray]  # instants [s since start_utc]: as text
+_AXES = {"xyz": "xyz", "quaternion": "xyzw"}  # names of the places along a dimension
 
 
 def write_tum(
@@ -150,14 +153,13 @@ def _tabulate(
 
     Parameters
     ----------
-    frames, source : what is written, and its source
     sensor : name of the sensor (None: the truth)
     utc : formats times as text (None: without leap seconds)
     """
     format_utc = utc or partial(_format_utc, source.start_utc)
     if sensor is not None:
-        samples = read_samples(frames, sensor)
-        yield tabulate_samples(samples, format_utc(samples.time_s) if samples.time_s.size else np.empty(0, str))
+        samples = _read_samples(frames, sensor)
+        yield _tabulate_samples(samples, format_utc(samples.time_s) if samples.time_s.size else np.empty(0, str))
         return
     targets = [target.name for target in source.targets]
     head: list[str] = []
@@ -202,12 +204,7 @@ def to_stamp_ns(start_utc: str, time_s: float) -> int:
 def _open_text(
     path: str | os.PathLike[str], frames: Iterable[Frame], overwrite: bool
 ) -> Iterator[tuple[TextIO, Source, Iterator[TruthBatch]]]:
-    """Yield a text file that appears when it is complete, the source of the frames, and their truth in batches.
-
-    Parameters
-    ----------
-    overwrite : whether an existing file may be replaced
-    """
+    """Yield a text file that appears when it is complete, the source of the frames, and their truth in batches."""
     place = check_writable(path, overwrite=overwrite)
     source, frames = peek_source(place, frames)
     with write_atomically(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
@@ -227,7 +224,6 @@ def _resolve_axes(source: Source, target: str | None, lidar_in_target: bool) -> 
     Parameters
     ----------
     target : name given by the user; None for the only target
-    lidar_in_target : whether to write target_from_lidar instead of lidar_from_target
     """
     known = [entry.name for entry in source.targets]
     if target is None:
@@ -266,3 +262,55 @@ def _format_utc(start_utc: str, time_s: np.ndarray) -> np.ndarray:
     start = datetime.datetime.fromisoformat(start_utc).astimezone(datetime.UTC)
     texts = [(start + datetime.timedelta(microseconds=round(at * 1e6))).isoformat("T", "microseconds") for at in time_s]
     return np.array([text.replace("+00:00", "Z") for text in texts], dtype=str)
+
+
+def _read_samples(frames: Iterable[Frame], sensor: str) -> SensorSamples:
+    """Return the samples of a sensor in frames, as one series; of a recording, no image is read.
+
+    Parameters
+    ----------
+    frames : from `simulate` or `open`, at least one
+
+    Raises
+    ------
+    RecordingError
+        If there is no such sensor.
+    """
+    if isinstance(frames, Recording):
+        frames = frames[:]
+    samples_by_frame: list[Mapping[str, SensorSamples]]
+    if isinstance(frames, Frames):
+        samples_by_frame = [frames.recording.read_samples(frames.recording.place(k)) for k in frames.places]
+    else:
+        samples_by_frame = [frame.observation.sensors for frame in frames]
+    known = samples_by_frame[0]
+    if sensor not in known:
+        guess = did_you_mean(sensor, known)
+        listed = f"{guess or ';'} (known: {', '.join(known)})" if known else "; the frames have no sensors"
+        raise RecordingError(f"--sensor {sensor}: there is no sensor of that name{listed}")
+    return join_samples([{sensor: some[sensor]} for some in samples_by_frame])[sensor]
+
+
+def _tabulate_samples(samples: SensorSamples, utc: np.ndarray) -> dict[str, np.ndarray]:
+    """Tabulate samples: columns (sample) by name, with units in the names.
+
+    Parameters
+    ----------
+    utc : the instants at which they hold, as text (sample)
+
+    Returns
+    -------
+    The columns. A vector has a column for each axis (``angular_velocity_x_rad_s``), other arrays one for each place
+    (``force_0_n``). ``utc`` is text.
+    """
+    table = {"time_s": samples.time_s, "utc": utc}
+    for field, spec in specs(type(samples)).items():
+        values = getattr(samples, field)
+        if values is None or field == "time_s":
+            continue
+        stem, unit = split_unit(field.removesuffix("_xyzw") if spec.dims[-1] == "quaternion" else field)
+        places = [_AXES.get(dim, range(size)) for dim, size in zip(spec.dims[1:], values.shape[1:], strict=True)]
+        for place in np.ndindex(values.shape[1:]):
+            words = (str(names[k]) for names, k in zip(places, place, strict=True))
+            table[re.sub("_+", "_", "_".join([stem, *words, unit])).strip("_")] = values[(slice(None), *place)]
+    return table

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -38,18 +38,15 @@ def peek_source(path: Path, frames: Iterable[Frame]) -> tuple[Source, Iterable[F
 
 def read_truth_batches(frames: Iterable[Frame]) -> Iterator[TruthBatch]:
     """Yield the truth and the PTU angles in batches; of a recording, no image is read."""
-    if isinstance(frames, Recording | Frames):
-        recording, places = (frames, range(len(frames))) if isinstance(frames, Recording) else _get_places(frames)
-        for low in range(0, len(places), _READ):
-            yield _read_batch(recording, np.asarray(places[low : low + _READ], dtype=int))
+    if isinstance(frames, Recording):
+        frames = frames[:]
+    if isinstance(frames, Frames):
+        for low in range(0, len(frames), _READ):
+            yield _read_batch(frames.recording, np.asarray(frames.places[low : low + _READ], dtype=int))
         return
     coming = iter(frames)
     while truths := [frame.truth for frame in itertools.islice(coming, _JOINED)]:
         yield _stack_truths(truths)
-
-
-def _get_places(frames: Frames) -> tuple[Recording, Sequence[int]]:
-    return frames.recording, frames.places
 
 
 def _read_batch(recording: Recording, places: np.ndarray) -> TruthBatch:

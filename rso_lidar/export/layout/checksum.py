@@ -30,7 +30,6 @@ def append_fletcher32(data: np.ndarray, start: int, stop: int) -> int:
     Parameters
     ----------
     data : bytes (byte), with room for the checksum after the chunk
-    start, stop : where the chunk starts and ends
 
     Returns
     -------

@@ -128,7 +128,7 @@ def list_variables(frame: Frame, capacities: sensor_samples.Capacities | None = 
     for path, value in collect_values(frame).items():
         own = dict(zip(array_specs[path].dims, np.shape(value), strict=False))  # of returns, samples and the fine grid
         if sensor_samples.is_series(path):
-            own["sample"] = room[sensor_samples.get_sensor(path)]
+            own["sample"] = room[path.split("/")[1]]
             variables[path] = Variable(path, array_specs[path], tuple(own.values()))
         else:
             variables[path] = Variable(
@@ -152,7 +152,8 @@ def _list_required(frame: Frame) -> dict[str, ArraySpec]:
             (), _F8, get_setting_unit(name), f"{name.replace('_', ' ')}, as in force"
         )
     if frame.truth.pointing is not None:
-        for (path, _, place), spec in zip(POINTING, _list_pointing_specs(), strict=True):
+        for path, name, place in POINTING:
+            spec = specs(PtuAngles)[name]
             array_specs[path] = dataclasses.replace(
                 spec, dims=(), meaning=f"{('pan', 'tilt')[place]} of: {spec.meaning}"
             )
@@ -186,10 +187,6 @@ def list_optional(frame: Frame) -> dict[str, ArraySpec]:
 POINTING = [
     (f"ptu/{axis}_{name}", name, place) for name in specs(PtuAngles) for place, axis in enumerate(("pan", "tilt"))
 ]
-
-
-def _list_pointing_specs() -> list[ArraySpec]:
-    return [specs(PtuAngles)[name] for _, name, _ in POINTING]
 
 
 def get_setting_unit(name: str) -> str:

@@ -33,11 +33,6 @@ def is_series(path: str) -> bool:
     return path.startswith(f"{GROUP}/") and not path.endswith(f"/{COUNT}")
 
 
-def get_sensor(path: str) -> str:
-    """Return the name of the sensor whose dataset is at a path."""
-    return path.split("/")[1]
-
-
 def list_arrays(sensors: Mapping[str, SensorSamples]) -> dict[str, ArraySpec]:
     """List the arrays that a recording makes of samples, by path.
 
@@ -175,17 +170,13 @@ def _find_class(name: str, stated: Mapping[str, ArraySpec]) -> type[SensorSample
     while waiting:
         kind = waiting.pop()
         waiting += kind.__subclasses__()
-        if kind.__name__ != name or not dataclasses.is_dataclass(kind) or _is_made(kind):
+        if kind.__name__ != name or not dataclasses.is_dataclass(kind) or "recorded_statement" in vars(kind):
             continue
         wanted = {field.name for field in dataclasses.fields(kind) if field.default is dataclasses.MISSING}
         own = specs(kind)
         if wanted <= stated.keys() and all(own.get(field) == spec for field, spec in stated.items()):
             return kind
     return None
-
-
-def _is_made(kind: type[SensorSamples]) -> bool:
-    return "recorded_statement" in vars(kind)
 
 
 @lru_cache(maxsize=256)

@@ -32,13 +32,7 @@ _ATTEMPTS, _PAUSE_S = 7, 0.002  # pauses double: a busy machine replaces metadat
 
 
 class CheckedStream(io.RawIOBase):
-    """A file for reading that raises `OSError` where libhdf5 reads a damaged heap.
-
-    Parameters
-    ----------
-    path : of the file
-    as_closed : show the file as if no writer had it open
-    """
+    """A file for reading that raises `OSError` where libhdf5 reads a damaged heap."""
 
     def __init__(self, path: Path, *, as_closed: bool = False) -> None:
         self._file = path.open("rb", buffering=0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import operator
+import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -73,16 +73,11 @@ class RecordingFile:
         return self._count
 
     def place(self, k: Any) -> int:
-        """Return the index of a frame, counted from the end if negative.
+        """Return the index of a frame, counted from the end if negative; raise `IndexError` if there is no such frame.
 
         Parameters
         ----------
         k : any integer
-
-        Raises
-        ------
-        IndexError
-            If there is no such frame.
         """
         place = operator.index(k)
         if not -len(self) <= place < len(self):
@@ -118,7 +113,7 @@ class RecordingFile:
         return self._datasets[path]
 
     def read(self, path: str, key: Any) -> Any:
-        """Read part of a dataset.
+        """Read part of a dataset; raise `RecordingError` if the dataset is missing or damaged.
 
         Parameters
         ----------
@@ -129,11 +124,6 @@ class RecordingFile:
         -------
         ndarray or scalar
             The selected values.
-
-        Raises
-        ------
-        RecordingError
-            If the dataset is missing or damaged.
         """
         with self.watched(path):
             return self.handle(path)[key]
@@ -145,9 +135,7 @@ class RecordingFile:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     @contextlib.contextmanager
@@ -201,7 +189,7 @@ class RecordingFile:
         self._settings = list(self._file["settings"]) if "settings" in self._file else []
         self._ptu = "ptu" in self._file
         optional: list[str] = json.loads(attributes.get("optional_datasets", "[]"))
-        self._sunlit = [name for path in optional if (name := _extract_between("truth/", path, "/sunlit"))]
+        self._sunlit = [match[1] for path in optional if (match := re.fullmatch("truth/(.+)/sunlit", path))]
         groups = [group for group in intermediates.RECORDS if any(path.startswith(f"{group}/") for path in optional)]
         self.kept = tuple(groups)  # names of the intermediate records that it holds
         paths = ["time", "frame_index", *READING, *LABELS, "truth/sun_direction", *optional]
@@ -258,10 +246,6 @@ class RecordingFile:
 def _reopen(kind: type[RecordingFile], path: Path, count: int) -> RecordingFile:
     """Open a recording in another process, with the frames that the first process saw.
 
-    Parameters
-    ----------
-    count : number of frames
-
     Raises
     ------
     RecordingError
@@ -274,11 +258,6 @@ def _reopen(kind: type[RecordingFile], path: Path, count: int) -> RecordingFile:
         raise RecordingError(f"{path}: has {held} frames and had {count} in another process; open it again")
     again._count = count
     return again
-
-
-def _extract_between(start: str, text: str, end: str) -> str:
-    """Return the text between a prefix and a suffix, or an empty text where either is missing."""
-    return text[len(start) : -len(end)] if text.startswith(start) and text.endswith(end) else ""
 
 
 def _check_index(number: int, count: int) -> int:

@@ -79,12 +79,7 @@ def read_status(path: Path) -> RecordingStatus:
 
 
 def _read_file_status(output: Path, file: Path, *, running: bool) -> RecordingStatus:
-    """Read the status of one file of a recording.
-
-    Parameters
-    ----------
-    running : whether a process writes it
-    """
+    """Read the status of one file of a recording."""
     complete = file == output
     try:
         with Recording(file) as recording:

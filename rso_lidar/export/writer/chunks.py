@@ -55,7 +55,6 @@ class ChunkWriter:
     Parameters
     ----------
     file : open h5py file with a dataset for each variable
-    variables : by path
     """
 
     def __init__(self, file: Any, variables: Mapping[str, Variable]) -> None:
@@ -88,12 +87,7 @@ class ChunkWriter:
         self._datasets["time"][0].flush()
 
     def _append(self, path: str, chunk: Any, place: int) -> None:
-        """Append an encoded chunk to a dataset.
-
-        Parameters
-        ----------
-        place : number of the frame
-        """
+        """Append an encoded chunk to a dataset."""
         dataset, shape, corner = self._datasets[path]
         dataset.set_extent((place + 1, *shape))
         dataset.write_direct_chunk((place, *corner), chunk)

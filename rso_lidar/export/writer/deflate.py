@@ -133,17 +133,13 @@ def split_into_tokens(
 
 @kernel
 def _end_run(tokens: np.ndarray, n_tokens: int, value: int, run: int) -> int:
-    """Write the rest of a run of equal bytes as matches and literals.
+    """Write the rest of a run of equal bytes as matches and literals; return the number of tokens.
 
     Parameters
     ----------
     tokens : written in place
     n_tokens : number of tokens so far
     run : number of bytes that remain
-
-    Returns
-    -------
-    Number of tokens.
     """
     while run >= _SHORTEST_MATCH:
         length = min(run, _LONGEST_MATCH)
@@ -312,7 +308,7 @@ def put_block(out: np.ndarray, state: np.ndarray, tokens: np.ndarray, head: int)
 def deflate_planes(
     data: np.ndarray, words: np.ndarray, size: int, changes: np.ndarray, tokens: np.ndarray, out: np.ndarray
 ) -> int:
-    """Compress the byte planes of items to a zlib stream.
+    """Compress the byte planes of items to a zlib stream; return the length of the stream [bytes].
 
     Parameters
     ----------
@@ -322,11 +318,6 @@ def deflate_planes(
     changes : scratch space (item)
     tokens : scratch space (byte)
     out : receives the stream; `bound_stream` bounds its length
-
-    Returns
-    -------
-    int
-        Length of the stream [bytes].
     """
     plane_ends = np.empty(size, np.int64)
     n_changes = find_changes(data, words, size, changes)

@@ -30,10 +30,6 @@ def write_frame_files(
     """Write one file per frame, named by the number of the frame (000012.pcd), and return the path of the folder.
 
     The folder also has source.json (scenario, targets, axes) and frames.jsonl (a line for each file: time and poses).
-
-    Parameters
-    ----------
-    frames : written one at a time as they come
     """
     place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -63,16 +59,11 @@ def get_file_stem(place: Path, frame: Frame) -> str:
 
 
 def write_new_file(place: Path, file: Path, content: bytes) -> None:
-    """Write a file that must not exist yet.
+    """Write a file that must not exist yet; raise `RecordingError` if the file exists, because a frame is given twice.
 
     Parameters
     ----------
     file : to write; its name begins with the number of its frame
-
-    Raises
-    ------
-    RecordingError
-        If the file exists, because a frame is given twice.
     """
     try:
         with file.open("xb") as stream:

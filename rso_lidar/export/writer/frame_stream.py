@@ -37,10 +37,6 @@ def match_entries(place: Path, frame: Frame, first: Frame, variables: Mapping[st
     """Return the entry of each variable, by path, after checking that a frame matches the first one.
 
     Samples of sensors are not padded to their entry.
-
-    Parameters
-    ----------
-    frame : to be written
     """
     where = f"{place}: frame {frame.index}"
     if frame is not first and get_parents(frame) != get_parents(first):

@@ -17,11 +17,6 @@ def write_hdf5(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
 
     Everything that the frames hold is recorded: all returns, kept records, and a lens that changes. An interrupted run
     leaves a temporary file with all its complete frames, and its exception a note that names the file.
-
-    Parameters
-    ----------
-    frames : written as they come
-    overwrite : whether an older recording may be replaced
     """
     output = check_output(path, overwrite=overwrite)
     first, coming = take_first(output, frames)

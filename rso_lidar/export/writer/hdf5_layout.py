@@ -75,7 +75,6 @@ def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], chan
     ----------
     file : empty h5py file
     scales : dimension scales by name; a scale is added if the lens changes
-    changing : whether the lens changes
     """
     stated = specs(Observation)["line_of_sight"]
     shape, dims = frame.line_of_sight.shape, stated.dims
@@ -105,12 +104,7 @@ def _make_own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]
 
 
 def _make_scale(group: Any, dim: str, size: int) -> Any:
-    """Create the scale of a counted dimension.
-
-    Parameters
-    ----------
-    group : that it belongs to
-    """
+    """Create the scale of a counted dimension."""
     scale = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", compression="gzip", fletcher32=True)
     _write_attributes(scale, {"units": "1", "long_name": get_scale_meaning(scale.name.strip("/"))})
     scale.make_scale(dim)

@@ -271,12 +271,7 @@ class Recorder:
         return pad_entries(entries, self._variables)
 
     def _has_other_lens(self, frame: Frame, first: Frame, place: str) -> bool:
-        """Return whether a new file with room for several lenses is needed; refuse a frame that must not differ.
-
-        Parameters
-        ----------
-        frame, first, place : the frame to be written, the first one, and the name of the frame for messages
-        """
+        """Return whether a new file with room for several lenses is needed; refuse a frame that must not differ."""
         ours, theirs = frame.line_of_sight, first.line_of_sight
         if is_same_memory(ours, theirs):
             return False

@@ -25,8 +25,6 @@ class InterferenceError(OSError):
 
         Parameters
         ----------
-        what : what happened
-        cure : what to do before the next run
         intact : whether the open file still holds all its frames
         """
         super().__init__(what)
@@ -40,7 +38,6 @@ class TemporaryFile:
 
     Parameters
     ----------
-    path : where it was created
     descriptor : of the open file; a duplicate keeps the content alive if the name is removed
     """
 

@@ -38,12 +38,7 @@ MOST_BATCH_BYTES = 2**28  # a shard is held in memory until it is full; with wav
 
 
 def write_zarr(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
-    """Write frames to a Zarr store, shard by shard, and return its path.
-
-    Parameters
-    ----------
-    frames : written as they come
-    """
+    """Write frames to a Zarr store, shard by shard, and return its path."""
     zarr = _import_zarr(path)
     place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -71,15 +66,7 @@ class ZarrWriter:
     """A Zarr store that grows by complete shards."""
 
     def __init__(self, zarr: Any, place: Path, folder: Path, first: Frame) -> None:
-        """Create the store and its arrays.
-
-        Parameters
-        ----------
-        zarr : the library
-        place : of the output, for messages
-        folder : to write in
-        first : the first frame
-        """
+        """Create the store and its arrays."""
         self._zarr, self._place, self._folder, self._first = zarr, place, folder, first
         self._variables = list_variables(first)
         self._per_shard = int(np.clip(MOST_BATCH_BYTES // count_frame_bytes(self._variables), 1, FRAMES_PER_SHARD))
@@ -233,12 +220,7 @@ class ZarrWriter:
         self._written += count
 
     def _make_room(self, name: str, count: int) -> None:
-        """Write an array of samples anew where its entries have no room for so many samples.
-
-        Parameters
-        ----------
-        count : number of samples
-        """
+        """Write an array of samples anew where its entries have no room for so many samples."""
         variable = self._variables[name]
         if count <= variable.shape[0]:
             return

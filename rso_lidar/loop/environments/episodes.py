@@ -76,12 +76,7 @@ def draw_pass(scenario: Scenario, rng: np.random.Generator) -> Scenario:
 
 
 def _change(part: Any, place: str, **fields: Any) -> Any:
-    """Return a part with other fields, or raise one error that says what it should be.
-
-    Parameters
-    ----------
-    place : where it is, for the message
-    """
+    """Return a part with other fields, or raise one error that says what it should be."""
     known = type(part).model_fields if isinstance(part, Part) else {}
     for name in fields:
         if name not in known:

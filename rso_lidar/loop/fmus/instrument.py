@@ -41,12 +41,7 @@ MEASURED = (
 
 
 def measure(observation: Observation) -> dict[str, float]:
-    """Compute the quantities of `MEASURED` from what the spacecraft could know of a flash.
-
-    Returns
-    -------
-    values by name.
-    """
+    """Compute the quantities of `MEASURED` from what the spacecraft could know of a flash; return values by name."""
     reading = observation.reading
     cluster = find_cluster(reading, GATE_M, MIN_PIXELS)
     has_cluster = bool(cluster.any())
@@ -72,12 +67,7 @@ class InstrumentState(NamedTuple):
 
 
 class Instrument:
-    """A simulation with inputs that are held from step to step, and the quantities of its last flash as outputs.
-
-    Parameters
-    ----------
-    scenario : what is flown
-    """
+    """A simulation with inputs that are held from step to step, and the quantities of its last flash as outputs."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._simulation = Simulation(scenario, threads=1)
@@ -88,12 +78,7 @@ class Instrument:
 
     @classmethod
     def load(cls, folder: Path) -> Instrument:
-        """Make the instrument of the scenario in the resources of an FMU.
-
-        Parameters
-        ----------
-        folder : the resources
-        """
+        """Make the instrument of the scenario in the resources of an FMU."""
         text = (folder / "scenario.toml").read_text(encoding="utf-8")
         # Whoever runs the FMU runs its code: that of its scenario is part of it.
         return cls(Scenario.loads(text, folder=folder, where="scenario.toml", trust_code=True).with_trusted_fmus())

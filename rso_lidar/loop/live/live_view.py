@@ -5,6 +5,7 @@ A viewer that joins late receives the meshes and the latest frame at once.
 
 from __future__ import annotations
 
+import re
 import secrets
 import socket
 from collections.abc import Callable, Sequence
@@ -14,7 +15,6 @@ from typing import Any
 from rso_lidar.errors import RecordingError, ScenarioError, warn
 from rso_lidar.loop.gateway import Gateway
 from rso_lidar.loop.live.frame_messages import PTU_SCHEMA, TARGETS, WRITERS, stamp_of, write_targets
-from rso_lidar.loop.live.page_origins import VIEWER_ORIGINS, HandshakeCheck, parse_origin
 from rso_lidar.loop.live.queued_view import QueuedView
 from rso_lidar.loop.network_address import parse_address, require_loopback
 from rso_lidar.picture import Shape
@@ -24,6 +24,10 @@ from rso_lidar.scenario import Scenario
 DEFAULT_ADDRESS = "127.0.0.1:8765"  # the port of the Foxglove protocol
 _MESSAGES = 64  # that wait for one viewer in the library, which drops the oldest of more
 _MOST_REPORTED = 16  # origins of refused pages
+# Foxglove in a browser; Lichtblick and Foxglove as desktop programs, whose page is a file of theirs
+_VIEWER_ORIGINS = ("https://app.foxglove.dev", "file://")
+_MOST_HEAD_BYTES = 16_384  # of the request that opens a connection
+_DEFAULT_PORTS = {"http": ":80", "https": ":443"}  # which browsers leave out
 
 
 class LiveView(QueuedView):
@@ -66,7 +70,7 @@ class LiveView(QueuedView):
         where = "live view:"
         asked = parse_address(address, where)
         require_loopback(asked, where, "the live view")
-        self._origins = {*VIEWER_ORIGINS, *map(parse_origin, origins)}
+        self._origins = {*_VIEWER_ORIGINS, *map(parse_origin, origins)}
         self._refused: set[str] = set()
         self._log = log
         fox = _import_foxglove()
@@ -139,7 +143,6 @@ class LiveView(QueuedView):
 
         Parameters
         ----------
-        topic, frame : the topic, and the frame that it is about
         client : number of the only viewer that receives it (None: all)
         """
         if topic == TARGETS:
@@ -197,12 +200,7 @@ def _find_private_host() -> str:
 
 
 def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:
-    """Make the channels by topic.
-
-    Parameters
-    ----------
-    has_ptu : whether there is a PTU
-    """
+    """Make the channels by topic."""
     from foxglove import Channel, channels
 
     by_topic = {
@@ -217,3 +215,48 @@ def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:
     if has_ptu:
         by_topic["/ptu"] = Channel("/ptu", schema=PTU_SCHEMA, context=context)
     return by_topic
+
+
+def parse_origin(text: str) -> str:
+    """Return an origin as browsers write it; raise `ScenarioError` if it is no origin.
+
+    Parameters
+    ----------
+    text : such as ``http://localhost:8080``
+
+    >>> parse_origin("HTTP://LocalHost:80")
+    'http://localhost'
+    """
+    match = re.fullmatch(r"([a-z][a-z0-9+.\-]*)://((?:\[[0-9a-f:.]+\]|[a-z0-9.\-]+)(?::(\d{1,5}))?)", text.lower())
+    if match is None or int(match[3] or 0) > 65535:
+        raise ScenarioError(f"--live-origin {text:.80}: is not an origin; write for example http://localhost:8080")
+    scheme, place = match[1], match[2]
+    return f"{scheme}://{place.removesuffix(_DEFAULT_PORTS.get(scheme, '/'))}"
+
+
+class HandshakeCheck:
+    """Limits of one connection: the request that opens it is short, and comes from no page that is not accepted."""
+
+    refusal = b"HTTP/1.1 403 Forbidden\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
+
+    def __init__(self, accepts: Callable[[str], bool]) -> None:
+        self._accepts = accepts
+        self._head: bytearray | None = bytearray()  # until it is complete
+
+    def admits(self, data: memoryview) -> bool:
+        """Read the header of the request, and return whether the server may have the next bytes."""
+        if self._head is None:
+            return True
+        self._head += data
+        end = re.search(rb"\n\r?\n", self._head)
+        if (end.start() if end else len(self._head)) > _MOST_HEAD_BYTES:
+            return False
+        if end is None:
+            return True
+        fields = [line.partition(b":") for line in self._head[: end.start()].splitlines()]
+        self._head = None
+        origins = [value.strip() for name, _, value in fields if name.strip().lower() == b"origin"]
+        return all(self._accepts(origin.decode("latin-1").lower()) for origin in origins)
+
+    def note_answer(self) -> None:
+        """Do nothing: answers change no limit."""

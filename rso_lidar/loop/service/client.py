@@ -7,7 +7,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -90,7 +89,9 @@ class Client:
             self._socket.rcvtimeo = min(_LOOK_MS, max(1, int(1e3 * self.timeout_s)))
             self._connect()
             hello: dict[str, Any] = {"version": 1, "role": role, "client": name or f"Python, process {os.getpid()}"}
-            self.description: dict[str, Any] = self._ask("hello", _read_description, **hello, token=token)
+            self.description: dict[str, Any] = self._ask(
+                "hello", lambda header, _: dict(header["describe"]), **hello, token=token
+            )
         except BaseException:
             self.close()
             raise
@@ -122,9 +123,7 @@ class Client:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -299,10 +298,6 @@ class Client:
             f"{self.endpoint}: did not answer '{kind}' within {self.timeout_s:g} s; "
             "check the server, or raise timeout_s"
         )
-
-
-def _read_description(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str, Any]:
-    return dict(header["describe"])
 
 
 def _to_ns(name: str, time_s: float | None) -> int | None:

@@ -57,8 +57,6 @@ class CommandLog:
     Parameters
     ----------
     path : of the log once the flight is complete
-    run_id : of the temporary name
-    simulation : that is flown
     """
 
     def __init__(self, path: Path, run_id: str, simulation: Simulation) -> None:
@@ -67,12 +65,7 @@ class CommandLog:
         self._append([header.model_dump_json() + "\n"])
 
     def write(self, steps: Iterable[FlownStep]) -> None:
-        """Write steps.
-
-        Parameters
-        ----------
-        steps : in their order
-        """
+        """Write steps."""
         self._append([_write_line(step) for step in steps])
 
     def _append(self, lines: list[str]) -> None:

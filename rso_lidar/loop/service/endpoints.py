@@ -70,17 +70,11 @@ class Security:
 
 
 def is_private(option: str, endpoint: str) -> bool:
-    """Return whether only this machine reaches an address.
+    """Return whether only this machine reaches an address; raise `ScenarioError` if it is not an address.
 
     Parameters
     ----------
-    option : that gave the address, for messages
     endpoint : such as ``tcp://127.0.0.1:5571`` or ``ipc://lidar``, a socket file in the working folder
-
-    Raises
-    ------
-    ScenarioError
-        If it is not an address.
     """
     if re.fullmatch(r"ipc://[^\s*@][^\s*]*", endpoint):
         return True

@@ -40,12 +40,7 @@ class FrameLimits:
         self._subscriptions = self._subscription_bytes = 0
 
     def admits(self, data: memoryview) -> bool:
-        """Count the next bytes, and return whether they are within the limits.
-
-        Parameters
-        ----------
-        data : from the client
-        """
+        """Count the next bytes, and return whether they are within the limits."""
         at = min(len(data), _GREETING_BYTES - self._greeted)
         if at and not self._admits_greeting(data[:at]):
             return False

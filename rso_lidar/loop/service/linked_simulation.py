@@ -65,7 +65,7 @@ class LinkedSimulation:
         self._active: Command | None = None
         self._commands: list[tuple[int, Command | None]] = []  # with the instant from which each acts, in order
         self._readings: list[Delivery] = []  # in transit, in the order of their arrival
-        self._delivered: Delivery | None = None
+        self.delivered: Delivery | None = None  # latest reading that flight software has
         self._samples: list[Mapping[str, SensorSamples]] = []  # of the last step, by its parts
 
     @property
@@ -89,11 +89,6 @@ class LinkedSimulation:
         """Whether the last flash has been made, and no reading is in transit."""
         return self.simulation.is_over and not self._readings
 
-    @property
-    def delivered(self) -> Delivery | None:
-        """Latest reading that flight software has; None before the first."""
-        return self._delivered
-
     def reset(self, seed: int | None = None) -> None:
         """Go back to t = 0, before the first flash.
 
@@ -103,7 +98,7 @@ class LinkedSimulation:
         """
         self.simulation.reset(seed)
         self._active, self._commands, self._readings, self._samples = None, [], [], []
-        self.frame = self._delivered = None
+        self.frame = self.delivered = None
 
     def step(
         self,
@@ -158,7 +153,7 @@ class LinkedSimulation:
                 f"command: {MOST_COMMANDS} commands wait for their time already; give commands with earlier time stamps"
             )
         if stamp_ns is None:
-            known = self._delivered.t_available_ns if self._delivered else None
+            known = self.delivered.t_available_ns if self.delivered else None
             stamp_ns = max(self.time_ns, known or 0)
         self._commands.append((stamp_ns + round(self.link.command_latency_s * NS_PER_S), command))
         self._commands.sort(key=lambda entry: entry[0])  # stable: of equal ones the last given acts
@@ -182,7 +177,7 @@ class LinkedSimulation:
         self._samples.append(self.simulation.samples)
         delivery = self._send(self.frame)
         if delivery.observation is not None:
-            self._delivered = delivery
+            self.delivered = delivery
         return delivery
 
     def _fly(self, end_ns: int) -> None:
@@ -223,13 +218,13 @@ class LinkedSimulation:
         """Return the reading that has arrived by now, if any; a second one follows with the next step."""
         if not self._readings or now_ns is None or (self._readings[0].t_available_ns or 0) > now_ns:
             return None
-        self._delivered = self._readings.pop(0)
-        return self._delivered
+        self.delivered = self._readings.pop(0)
+        return self.delivered
 
     def save(self) -> LinkedState:
         """Return the present state, from which `restore` goes on."""
         return LinkedState(
-            self.simulation.save(), self._active, tuple(self._commands), tuple(self._readings), self._delivered
+            self.simulation.save(), self._active, tuple(self._commands), tuple(self._readings), self.delivered
         )
 
     def restore(self, state: LinkedState) -> None:
@@ -240,5 +235,5 @@ class LinkedSimulation:
         state : from `save`
         """
         self.simulation.restore(state.simulation)
-        self._active, self._delivered, self.frame = state.active, state.delivered, None
+        self._active, self.delivered, self.frame = state.active, state.delivered, None
         self._commands, self._readings, self._samples = list(state.commands), list(state.readings), []

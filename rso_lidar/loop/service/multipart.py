@@ -11,13 +11,7 @@ _DONTWAIT, _SNDMORE = 1, 2
 
 
 def send_parts(socket: Any, parts: Sequence[Any]) -> None:
-    """Send a message, and raise `zmq.Again` where its queue is full.
-
-    Parameters
-    ----------
-    socket : of ZeroMQ
-    parts : bytes of each part
-    """
+    """Send a message, and raise `zmq.Again` where its queue is full."""
     for part in parts[:-1]:
         socket.send(part, _DONTWAIT | _SNDMORE)
     socket.send(parts[-1], _DONTWAIT)

@@ -30,13 +30,7 @@ class _Peer:
 
 
 class Peers:
-    """The clients that have sent hello, with one driver at a time.
-
-    Parameters
-    ----------
-    security : who may connect
-    log : prints a line of the log
-    """
+    """The clients that have sent hello, with one driver at a time."""
 
     def __init__(self, security: Security, log: Callable[[str], None]) -> None:
         self._security, self._log = security, log
@@ -44,12 +38,6 @@ class Peers:
 
     def admit(self, identity: bytes, connection: int, request: Request) -> None:
         """Check that a client may make a request, and register a client that sends hello.
-
-        Parameters
-        ----------
-        identity : of the client
-        connection : number of its socket
-        request : that it makes
 
         Raises
         ------
@@ -66,12 +54,7 @@ class Peers:
             raise RefusalError("forbidden", f"{kind}: is for the driver, and this client is an observer")
 
     def _register(self, identity: bytes, connection: int, request: HelloRequest) -> None:
-        """Register a client as a driver or an observer.
-
-        Parameters
-        ----------
-        identity, connection : of the client, and number of its socket
-        """
+        """Register a client as a driver or an observer."""
         if not self._security.accepts(request.token):
             raise RefusalError("forbidden", "hello: has no token, or a wrong one; give the token of the server")
         is_driver = request.role == "driver"
@@ -86,22 +69,11 @@ class Peers:
         self._log(f"client      {request.client} has connected as {request.role}")
 
     def find(self, connection: int) -> list[bytes]:
-        """Return the identities of the clients on a connection.
-
-        Parameters
-        ----------
-        connection : number of its socket
-        """
+        """Return the identities of the clients on a connection."""
         return [identity for identity, peer in self._peers.items() if peer.connection == connection]
 
     def remove(self, identity: bytes, reason: str) -> None:
-        """Remove a client, if it is known.
-
-        Parameters
-        ----------
-        identity : of the client
-        reason : verb phrase for the log
-        """
+        """Remove a client, if it is known."""
         if (peer := self._peers.pop(identity, None)) is not None:
             waits = "; the simulation waits for another" if peer.is_driver else ""
             self._log(f"client      {peer.name} {reason}{waits}")

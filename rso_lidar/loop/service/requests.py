@@ -135,16 +135,11 @@ REQUESTS: dict[str, type[Request]] = {
 
 
 def parse_request(header: bytes) -> Any:
-    """Return the request that a header holds.
+    """Return the request that a header holds; raise `ScenarioError` if it is no JSON object, or no request.
 
     Parameters
     ----------
     header : UTF-8 text of a JSON object
-
-    Raises
-    ------
-    ScenarioError
-        If it is no JSON object, or no request.
     """
     tree = parse_json(header, "request")
     kind = tree.get("request")
@@ -173,7 +168,6 @@ def parse_json(text: bytes, where: str) -> dict[str, Any]:
     Parameters
     ----------
     text : UTF-8
-    where : start of error messages
 
     Raises
     ------

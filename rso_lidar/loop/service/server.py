@@ -8,7 +8,6 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from tempfile import TemporaryDirectory
-from types import TracebackType
 from typing import Any, Self
 
 from rso_lidar.errors import RsoLidarError, RunError, ScenarioError
@@ -101,9 +100,7 @@ class Server:
             self._open = undone.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._open.close()
 
     def _authenticate(self, context: Any, undone: ExitStack) -> None:
@@ -146,7 +143,6 @@ class Server:
         Parameters
         ----------
         gateway : the `Gateway` to the socket
-        option, endpoint : the public address, and the option that gave it
         """
         has_ipc = self._zmq.has("ipc") and hasattr(socket, "AF_UNIX")
         zmq_socket.bind(f"ipc://{folder}/{option.strip('-')}" if has_ipc else "tcp://127.0.0.1:*")
@@ -293,12 +289,7 @@ class Server:
         return self._sequence
 
     def _refuse(self, envelope: list[bytes], sequence: int, code: str, message: str) -> None:
-        """Send an error reply.
-
-        Parameters
-        ----------
-        message : *where: what: what to do*
-        """
+        """Send an error reply."""
         sendable = message.encode(errors="backslashreplace").decode()  # a request can hold a lone surrogate
         error = {"code": code, "message": sendable}
         header = {

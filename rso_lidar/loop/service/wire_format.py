@@ -67,7 +67,6 @@ def list_reading(
     Parameters
     ----------
     observation : whose reading and angles are sent; None for none
-    samples : of the other sensors, by name
     with_line_of_sight : whether the receiver does not have the present line of sight yet
 
     Returns
@@ -89,12 +88,7 @@ def list_reading(
 
 
 def list_truth(truth: Truth) -> list[WireArray]:
-    """List the arrays of the truth at one epoch, with the paths and meanings that they have in a recording.
-
-    Parameters
-    ----------
-    truth : at one epoch
-    """
+    """List the arrays of the truth at one epoch, with the paths and meanings that they have in a recording."""
     arrays = [WireArray(path, spec, value) for path, (spec, value) in collect_truth(truth).items()]
     if truth.pointing is not None:
         arrays += list_record("ptu/", truth.pointing)
@@ -107,7 +101,6 @@ def encode(header: dict[str, Any], arrays: Sequence[WireArray] = ()) -> list[Any
     Parameters
     ----------
     header : of the message, without schema and arrays. A number that is not finite is sent as null
-    arrays : in the order in which they are sent
     """
     packed = [_to_little_endian(array.values) for array in arrays]
     listed = b",".join(
@@ -139,17 +132,7 @@ def _to_little_endian(values: Any) -> np.ndarray:
 
 
 def decode(parts: Sequence[Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return the header of a message and its arrays by path.
-
-    Parameters
-    ----------
-    parts : bytes of the header and of each array
-
-    Raises
-    ------
-    RunError
-        If they are no message of this schema.
-    """
+    """Return the header of a message and its arrays by path; raise `RunError` if they are no message of this schema."""
     try:
         header = from_json(bytes(parts[0]))
     except (IndexError, ValueError):
@@ -183,12 +166,7 @@ def _read_array(entry: Any, data: Any) -> tuple[str, np.ndarray]:
 
 @contextmanager
 def check_reply(endpoint: str) -> Iterator[None]:
-    """Raise `RunError` where a reply that is read in this context lacks a key or an array, or has another type.
-
-    Parameters
-    ----------
-    endpoint : address of the server
-    """
+    """Raise `RunError` where a reply that is read in this context lacks a key or an array, or has another type."""
     try:
         yield
     except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -275,18 +253,11 @@ def build_truth(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Truth:
 
 
 def encode_request(kind: str, sequence: int, fields: dict[str, Any]) -> bytes:
-    """Return the header of a request.
+    """Return the header of a request; raise `ScenarioError` if a number is not finite.
 
     Parameters
     ----------
-    kind : of the request
-    sequence : its number
     fields : further keys; None is left out
-
-    Raises
-    ------
-    ScenarioError
-        If a number is not finite.
     """
     given = {name: value for name, value in fields.items() if value is not None}
     try:

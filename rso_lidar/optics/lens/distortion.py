@@ -7,7 +7,6 @@ the focal length. A pixel at (xd, yd) looks along `undistort(xd, yd)`.
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -15,7 +14,7 @@ from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics.tables import zemax
-from rso_lidar.optics.tables.number_text import file_stamp
+from rso_lidar.optics.tables.number_text import cache_by_file
 from rso_lidar.part import Number, Part, Text
 
 WORST_FIT = 0.005  # rms residual of a fit over the field's radius beyond which five coefficients do not describe a lens
@@ -96,16 +95,11 @@ class DistortionPart(Part):
         return seen
 
     def check(self, half_x: float, half_y: float) -> None:
-        """Check that the mapping does not fold within the focal plane.
+        """Check that the mapping does not fold within the focal plane; raise `ScenarioError` if it folds.
 
         Parameters
         ----------
         half_x, half_y : half the width and half the height of the focal plane, tangents
-
-        Raises
-        ------
-        ScenarioError
-            If it folds.
         """
         edge = np.linspace(-1.0, 1.0, 33)
         ones = np.ones_like(edge)
@@ -136,16 +130,12 @@ class DistortionPart(Part):
         )
 
     def _solve(self, xd: np.ndarray, yd: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Solve distort(x, y) = (xd, yd) from a first guess.
+        """Solve distort(x, y) = (xd, yd) from a first guess; return x and y of the directions.
 
         Parameters
         ----------
         xd, yd : image points, tangents
         x, y : first guess of the directions, tangents
-
-        Returns
-        -------
-        x and y of the directions.
 
         Raises
         ------
@@ -224,7 +214,7 @@ class ZemaxDistortion(DistortionPart):
     @property
     def fit(self) -> "Fit":
         """The fit, made once for each state of the file."""
-        return _fit(*file_stamp(self.file))
+        return _fit(self.file)
 
     def check(self, half_x: float, half_y: float) -> None:
         """Check that the listing covers the focal plane, and that its fit does not fold within it.
@@ -264,13 +254,9 @@ class Fit:
     focal_length_m: float
 
 
-@lru_cache(maxsize=16)
-def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
-    """Fit Brown-Conrady coefficients to a Grid Distortion listing, cached until the file changes.
-
-    Parameters
-    ----------
-    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
+@cache_by_file(16)
+def _fit(path: str) -> Fit:
+    """Fit Brown-Conrady coefficients to a Grid Distortion listing.
 
     Returns
     -------

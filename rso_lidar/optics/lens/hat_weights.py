@@ -87,7 +87,6 @@ def grid_hats(values: np.ndarray, middle: tuple[float, float], spacing_m: float,
     Parameters
     ----------
     values : (row, col) intensities
-    middle : row and column of the kernel's centre
     """
     spacing = spacing_m / at.step_m
     # Points represent pieces of the squares: an eighth of the step or less, and four to a side unless they are very small.

@@ -19,7 +19,13 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics.lens.hat_weights import HatGrid, airy_hats, gaussian_hats, grid_hats, halo_hats
 from rso_lidar.optics.tables import zemax
-from rso_lidar.optics.tables.number_text import convert_decimal_commas, file_stamp, parse_matrix, read_text
+from rso_lidar.optics.tables.number_text import (
+    cache_by_file,
+    convert_decimal_commas,
+    file_stamp,
+    parse_matrix,
+    read_text,
+)
 from rso_lidar.part import Fraction, NotNegative, Part, Positive, Text
 
 MOST_REACH = 16  # pixels to each side
@@ -55,15 +61,11 @@ class PsfPart(Part):
 
     @abstractmethod
     def core(self, at: HatGrid) -> np.ndarray:
-        """Return the hat weights of the kernel without its halo.
+        """Return the hat weights of the kernel without its halo: (row, col) share of the light at each point.
 
         Parameters
         ----------
         at : grid on the focal plane, with the width of its hats
-
-        Returns
-        -------
-        (row, col) share of the light at each point of the grid.
         """
 
     def hats(self, at: HatGrid) -> np.ndarray:
@@ -71,11 +73,7 @@ class PsfPart(Part):
 
         Parameters
         ----------
-        at : grid on the focal plane, with the width of its hats
-
-        Returns
-        -------
-        (row, col) share of the light at each point of the grid.
+        at : as for `core`
         """
         if self.halo_radius_um is None:
             return self.core(at)
@@ -117,11 +115,11 @@ class GridPsf(PsfPart):
 
     def read(self) -> None:
         """Read the table."""
-        _table(*file_stamp(self.file))
+        _table(self.file)
 
     def core(self, at: HatGrid) -> np.ndarray:
         """Return the hat weights (row, col) of the table."""
-        values = _table(*file_stamp(self.file))
+        values = _table(self.file)
         middle = (0.5 * (values.shape[0] - 1), 0.5 * (values.shape[1] - 1))
         return grid_hats(values, middle, self.spacing_um * units.UM, at)
 
@@ -252,10 +250,6 @@ def find_reach(
     wavelength_m : wavelength of the light [m]
     field_rad, azimuth_rad : field angle and direction, as in `pixel_shares`
     missed : share of the light that may land farther
-
-    Returns
-    -------
-    number of pixels to each side.
     """
     within = _within(psf, _stamps(psf), pitch_m, wavelength_m, f_number, float(field_rad), float(azimuth_rad))
     enough = np.flatnonzero(within >= 1.0 - missed)
@@ -363,13 +357,9 @@ def _hats(psf: AnyPsf, at: HatGrid, field_rad: float, azimuth_rad: float) -> np.
     return (1.0 - share) * psf.fields[upper - 1].psf.hats(at) + share * psf.fields[upper].psf.hats(at)
 
 
-@lru_cache(maxsize=32)
-def _table(path: str, _modified_ns: int, _size: int) -> np.ndarray:
+@cache_by_file(32)
+def _table(path: str) -> np.ndarray:
     """Return the intensities (row, col) of a text file of numbers.
-
-    Parameters
-    ----------
-    path, _modified_ns, _size : the file and its state, as `file_stamp` returns them
 
     Raises
     ------

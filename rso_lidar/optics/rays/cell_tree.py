@@ -149,7 +149,6 @@ def insert_cell(
     Parameters
     ----------
     root, top, left : the window of coarse cells; new roots are written
-    level, row, col : the cell
 
     Returns
     -------
@@ -178,14 +177,7 @@ def insert_cell(
 
 @kernel
 def add_children(nodes: np.ndarray, node: int, first: int, state: int) -> None:
-    """Write the nine children of a node.
-
-    Parameters
-    ----------
-    nodes : table of nodes, written
-    node : the node that is divided
-    first : number of the first child
-    """
+    """Write the nine children of a node."""
     nodes[node, CHILD] = first
     for j in range(9):
         nodes[first + j, CHILD], nodes[first + j, LEVEL] = state, nodes[node, LEVEL] + 1

@@ -34,7 +34,6 @@ def make_rays(
     n_rows, n_cols : pixels of the focal plane
     x_of, y_of : (row, col) tangents of all cells; x with one row and y with one column, for a lens without distortion
     pixel_tangent : side of a pixel in the tangent plane
-    is_bent : whether the lens distorts
 
     Returns
     -------

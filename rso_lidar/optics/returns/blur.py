@@ -107,7 +107,6 @@ def blur_sunlight(hits: Hits, rate_per_s: np.ndarray, receiver: Receiver, wavele
 
     Parameters
     ----------
-    hits : the hits that send the light
     rate_per_s : (hit) photons per second of each
 
     Returns

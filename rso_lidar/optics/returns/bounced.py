@@ -9,7 +9,7 @@ from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.blur import Light
 from rso_lidar.records import Bounces, Hits
 
-_LEAST_COSINE = 1e-3  # as in `radiometry`
+LEAST_COSINE = 1e-3  # nearer to edge-on the depth spread only has to stay finite
 
 
 def add_bounced_light(
@@ -171,7 +171,7 @@ def _depth_spread_s(hits: Hits, at: np.ndarray, share: float, receiver: Receiver
     ----------
     at : (path) the hit that sends the light
     """
-    cosine = np.maximum(hits.cos_incidence[at], _LEAST_COSINE)
+    cosine = np.maximum(hits.cos_incidence[at], LEAST_COSINE)
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
     spread: np.ndarray = hits.range_m[at] * (share**0.5 * receiver.ifov_rad / units.SPEED_OF_LIGHT_M_S) * tangent
     return spread

@@ -68,15 +68,11 @@ def _average_epochs(seen: Sequence[tuple[Hits, Photons]], pulses: int) -> tuple[
 
 
 def _join_hits(hits: Sequence[Hits], shares: np.ndarray) -> tuple[Hits, list[np.ndarray]]:
-    """Join the hits of all epochs, ordered by ray.
+    """Join the hits of all epochs, ordered by ray; return the hits, and for each epoch the new numbers of its hits.
 
     Parameters
     ----------
     shares : (epoch) share of the pulses
-
-    Returns
-    -------
-    The hits, and for each epoch the new numbers of its hits.
     """
     rays, ray_number = _join_rays([epoch_hits.rays for epoch_hits in hits], shares)
     ray = np.concatenate([number[epoch_hits.ray] for number, epoch_hits in zip(ray_number, hits, strict=True)])
@@ -102,12 +98,7 @@ def _join_rays(rays: Sequence[Rays], shares: np.ndarray) -> tuple[Rays, list[np.
 
 
 def _join_arrays(records: Sequence[Record], dim: str, order: np.ndarray) -> dict[str, Any]:
-    """Join the arrays of records over one dimension, by name; an optional array that a record lacks is left out.
-
-    Parameters
-    ----------
-    order : of the joined rows
-    """
+    """Join the arrays of records over one dimension, by name; an optional array that a record lacks is left out."""
     joined: dict[str, Any] = {}
     for name, spec in specs(type(records[0])).items():
         if spec.dims[0] == dim:

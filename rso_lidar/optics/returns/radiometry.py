@@ -9,14 +9,13 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.blur import Light, blur_light, blur_sunlight, blur_variance
-from rso_lidar.optics.returns.bounced import add_bounced_light
+from rso_lidar.optics.returns.bounced import LEAST_COSINE, add_bounced_light
 from rso_lidar.optics.returns.clusters import find_clusters
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
-from rso_lidar.records import Bounces, Hits, Photons
+from rso_lidar.records import Bounces, Hits, Oversampled, Photons
 
 SQUARE, CIRCLE, GAUSSIAN = range(3)  # footprints with a formula
 FOOTPRINTS = {"square": SQUARE, "as_printed": SQUARE, "circle": CIRCLE, "gaussian": GAUSSIAN}
-_LEAST_COSINE = 1e-3  # nearer to edge-on the depth spread only has to stay finite
 
 
 def collect(
@@ -170,7 +169,7 @@ def return_light(
         b, cos_axis, distance, cosine = photons[k], cosines[k], range_m[k], cos_incidence[k]
         delay_s[k] = 2.0 * distance / units.SPEED_OF_LIGHT_M_S
         photons[k] = b * area[k] * brdf_per_sr[k] * cosine * cos_axis / (distance * distance) * gathering_m2
-        steep = max(cosine, _LEAST_COSINE)
+        steep = max(cosine, LEAST_COSINE)
         tangent_share = math.sqrt(weight[k] * max(1.0 - steep * steep, 0.0)) / steep
         spread_s[k] = distance * (ifov_rad / units.RANGE_PER_DELAY_M_S) * tangent_share if cosine > 0.0 else 0.0
         coherence_cells[k] = area[k] * (cells_per_pixel * cos_axis * cos_axis * cos_axis)
@@ -259,7 +258,37 @@ def _depth_spread_s(hits: Hits, range_m: np.ndarray, receiver: Receiver) -> np.n
     range_m : (hit) half the light's path
     receiver : gives δ, the angle that a ray's footprint spans
     """
-    cosine = np.maximum(hits.cos_incidence, _LEAST_COSINE)
+    cosine = np.maximum(hits.cos_incidence, LEAST_COSINE)
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
     spread = range_m / units.RANGE_PER_DELAY_M_S * np.sqrt(hits.weight) * receiver.ifov_rad * tangent
     return np.where(hits.cos_incidence > 0.0, spread, 0.0)
+
+
+def oversample(hits: Hits, laser: Laser, receiver: Receiver) -> Oversampled:
+    """Draw the range and the photon image of one flash on the grid of rays, k x k cells to a pixel, before any PSF.
+
+    Where rays are finer than cells their photons add, and the nearest gives the range.
+
+    Parameters
+    ----------
+    hits : the hits of the flash
+    laser, receiver : the instrument
+
+    Returns
+    -------
+    Both images (fine_row, fine_col).
+    """
+    photons = collect(hits, laser, receiver.replace(psf=None))
+    k = receiver.rays_per_side
+    n_rows, n_cols = receiver.n_rows * k, receiver.n_cols * k
+    direction = hits.rays.direction[hits.ray]
+    col, row = receiver.image_of(direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2])
+    fine_row = np.clip((row * k).astype(np.int64), 0, n_rows - 1)
+    fine_col = np.clip((col * k).astype(np.int64), 0, n_cols - 1)
+    cell = fine_row * n_cols + fine_col
+    sent = np.bincount(photons.hit, photons.photons, len(hits.ray))
+    image = np.bincount(cell, sent, n_rows * n_cols)
+    range_m = np.full(n_rows * n_cols, np.inf)
+    np.minimum.at(range_m, cell, hits.range_m)
+    range_m[np.isinf(range_m)] = np.nan
+    return Oversampled(range_m.reshape(n_rows, n_cols), image.reshape(n_rows, n_cols))

@@ -32,10 +32,6 @@ def add_ghosts(photons: Photons, receiver: Receiver, pulses: int = 1) -> Photons
     Light of one pixel that arrives within a quarter of the pulse's width is copied as one return. Returns of less than 0.01
     photons in all pulses of the frame are left out.
 
-    Parameters
-    ----------
-    pulses : number of pulses of the frame
-
     Returns
     -------
     The light with its ghosts, ordered by pixel and delay. The hit of a ghost's return is the hit that it is a copy of, or
@@ -150,7 +146,6 @@ def _find_sources(
     pixel : pixels on which the copy lands
     is_turned : whether the copy is turned by 180 degrees
     shift : of the copy, down and right [pixels]
-    shape : rows and columns of the focal plane
     """
     hit = np.full(shape[0] * shape[1] + 1, -1, np.int64)
     hit[sources.pixel] = sources.hit

@@ -127,7 +127,6 @@ class SkyBodies:
 
         Parameters
         ----------
-        body : SUN, EARTH or MOON
         field_rad : half the diagonal of the field [rad], in which the Earth is cut finely
         knee_rad : angle over which the scatter of the lens changes [rad]
 
@@ -138,7 +137,7 @@ class SkyBodies:
         """
         place = (self.sun, self.earth, self.moon)[body]
         if place is None or self.sun is None:
-            return _no_elements()
+            return np.empty((0, 3)), np.empty(0), np.empty(0)
         if body == EARTH:
             direction, solid_sr, cell_rad = self._cut_earth(field_rad, knee_rad)
         else:
@@ -237,10 +236,6 @@ def moon_over_sun(phase_rad: float) -> float:
     return float(10.0 ** (-0.4 * (magnitude - _SUN_MAGNITUDE)))
 
 
-def _no_elements() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return np.empty((0, 3)), np.empty(0), np.empty(0)
-
-
 def _angular_radius(place: np.ndarray | None, radius_m: float) -> float:
     """Return the angular radius of a sphere [rad]; 0 for one that does not exist."""
     if place is None:
@@ -282,12 +277,7 @@ def _move_toward(direction: np.ndarray, place: np.ndarray, angle_rad: np.ndarray
 
 
 def _disc_points(place: np.ndarray, radius_rad: float, n: int) -> np.ndarray:
-    """Return unit vectors (point, xyz) to points of equal weight on a disc: a sunflower of golden angles.
-
-    Parameters
-    ----------
-    n : number of points
-    """
+    """Return unit vectors (point, xyz) to points of equal weight on a disc: a sunflower of golden angles."""
     ahead = place / np.linalg.norm(place)
     across = np.cross(ahead, np.eye(3)[int(np.argmin(np.abs(ahead)))])
     across /= np.linalg.norm(across)

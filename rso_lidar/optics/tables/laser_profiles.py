@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import warnings
 import zlib
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +12,12 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import MOST_BYTES, check_regular, explain_unreadable, read_bytes
-from rso_lidar.optics.tables.number_text import convert_decimal_commas, file_stamp
+from rso_lidar.optics.tables.number_text import cache_by_file, convert_decimal_commas
 
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
 
 
+@cache_by_file(8)
 def read_pattern(file: str) -> np.ndarray:
     """Read a laser's pattern from a grey image or a table of numbers (.csv, .txt).
 
@@ -35,26 +35,6 @@ def read_pattern(file: str) -> np.ndarray:
     ------
     ScenarioError
         If the file is not an image or a table of finite values from 0 up.
-    """
-    return _pattern(*file_stamp(file))
-
-
-@lru_cache(maxsize=8)
-def _pattern(file: str, _modified_ns: int, _size: int) -> np.ndarray:
-    """Read a pattern of the beam, cached until its file changes.
-
-    Parameters
-    ----------
-    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
-
-    Returns
-    -------
-    (row, col) share of the energy in each cell.
-
-    Raises
-    ------
-    ScenarioError
-        If the file is not an image or table of finite values from 0 up.
     """
     path = Path(file)
     values = _image(path) if path.suffix.lower() in _IMAGES else _table(path)
@@ -130,25 +110,11 @@ def _is_number(word: str) -> bool:
     return True
 
 
+@cache_by_file(8)
 def read_pulse(file: str) -> tuple[np.ndarray, np.ndarray]:
     """Read a measured pulse: times [s], zero at its centroid, and powers [1/s], of area 1.
 
     The file has two columns, time in ns and power in any unit. The power is linear between rows and 0 outside.
-    """
-    return _pulse(*file_stamp(file))
-
-
-@lru_cache(maxsize=8)
-def _pulse(file: str, _modified_ns: int, _size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Read a measured pulse, cached until its file changes.
-
-    Parameters
-    ----------
-    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
-
-    Returns
-    -------
-    times (row) [s], and powers (row) with a maximum of 1.
 
     Raises
     ------

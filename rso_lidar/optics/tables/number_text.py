@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import codecs
 import re
+from collections.abc import Callable
+from functools import lru_cache, wraps
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import MOST_BYTES, check_regular, read_bytes
+
+Content = TypeVar("Content")
 
 _NOT_A_NUMBER = re.compile(r"[-+]?\d*[.,]?\d*#(?:IND|INF|QNAN|SNAN)\w*", re.IGNORECASE)  # as Windows prints them
 
@@ -18,6 +23,23 @@ def file_stamp(path: str | Path) -> tuple[str, int, int]:
     """Return path, modification time [ns] and size [bytes] of a file: the key of a cache of its content."""
     status = check_regular(Path(path), MOST_BYTES, ScenarioError, "text file")
     return str(path), status.st_mtime_ns, status.st_size
+
+
+def cache_by_file(most: int) -> Callable[[Callable[[str], Content]], Callable[[str | Path], Content]]:
+    """Keep what a function makes of each of the latest files, at most so many, until the file changes."""
+
+    def decorate(read: Callable[[str], Content]) -> Callable[[str | Path], Content]:
+        @lru_cache(maxsize=most)
+        def keep(file: str, _modified_ns: int, _size: int) -> Content:
+            return read(file)
+
+        @wraps(read)
+        def read_once(file: str | Path) -> Content:
+            return keep(*file_stamp(file))
+
+        return read_once
+
+    return decorate
 
 
 def read_text(path: str) -> str:

@@ -10,16 +10,14 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics.tables.number_text import (
+    cache_by_file,
     convert_decimal_commas,
-    file_stamp,
     parse_matrix,
     parse_numbers,
     read_text,
@@ -63,32 +61,13 @@ class GridDistortion:
     wavelength_m: float | None = None
 
 
-def read_huygens_psf(path: str | Path) -> HuygensPsf:
+@cache_by_file(32)
+def read_huygens_psf(path: str) -> HuygensPsf:
     """Read the point spread function of a Huygens PSF listing, normalised to a sum of 1.
 
     Rows are taken from the top of the image down, as the text window lists them. The grid of the ZOS-API starts at the
     bottom left instead, so a listing made from it must be flipped first. Without a `Center point` line the centre is
     point n/2 + 1 of each axis, where the program puts it.
-    """
-    return _huygens(*file_stamp(path))
-
-
-def read_grid_distortion(path: str | Path) -> GridDistortion:
-    """Read the points of a Grid Distortion listing; those whose chief ray failed are left out."""
-    return _grid(*file_stamp(path))
-
-
-@lru_cache(maxsize=32)
-def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
-    """Read a Huygens PSF listing, cached until its file changes.
-
-    Parameters
-    ----------
-    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
-
-    Returns
-    -------
-    the listing, normalised.
 
     Raises
     ------
@@ -131,10 +110,6 @@ def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
 def _spacing_m(path: str, header: str, n_cols: int) -> float:
     """Return the distance between points [m], from its own line or from the area and the number of points.
 
-    Parameters
-    ----------
-    n_cols : points of a row
-
     Raises
     ------
     ScenarioError
@@ -172,17 +147,9 @@ def _wavelength_m(header: str) -> tuple[float, float] | None:
     return _float(waves[1]) * scale, _float(waves[2] or waves[1]) * scale
 
 
-@lru_cache(maxsize=16)
-def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
-    """Read a Grid Distortion listing, cached until its file changes.
-
-    Parameters
-    ----------
-    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
-
-    Returns
-    -------
-    points of the listing whose chief ray passed the lens.
+@cache_by_file(16)
+def read_grid_distortion(path: str) -> GridDistortion:
+    """Read the points of a Grid Distortion listing; those whose chief ray failed are left out.
 
     Raises
     ------

@@ -173,12 +173,7 @@ def _import_ffmpeg(place: Path):  # type: ignore[no-untyped-def]
 
 
 def _write_mp4(ffmpeg, draft: Path, pictures: Iterator[Image], rate_hz: float) -> None:  # type: ignore[no-untyped-def]
-    """Write pictures as an MP4.
-
-    Parameters
-    ----------
-    rate_hz : pictures per second of playback
-    """
+    """Write pictures as an MP4."""
     writer = ffmpeg.write_frames(str(draft), (WIDTH, HEIGHT), fps=rate_hz, quality=8, macro_block_size=2)
     writer.send(None)
     try:

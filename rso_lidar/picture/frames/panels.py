@@ -61,7 +61,6 @@ def _show(
     Parameters
     ----------
     values : (row, col)
-    logarithmic : whether colours follow the logarithm
     """
     from matplotlib.colors import LogNorm, Normalize
 
@@ -76,7 +75,6 @@ def _draw_bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, lo
 
     Parameters
     ----------
-    axes, drawn, label : the panel, the image that the bar explains, and its label
     extend, logarithmic : its open ends ("neither", "both", "min", "max"), and whether its scale is logarithmic
     """
     from matplotlib.ticker import LogLocator, StrMethodFormatter
@@ -174,12 +172,7 @@ def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
 
 
 def draw_parts(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKey]) -> None:
-    """Draw the true parts of a frame.
-
-    Parameters
-    ----------
-    axes, frame, window, parts : the panel, frame, rows and columns shown, and parts that have a colour of their own
-    """
+    """Draw the true parts of a frame."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -230,12 +223,7 @@ def _free_corner(busy: np.ndarray) -> Corner:
 
 
 def draw_error(axes: Axes, frame: Frame, window: Window) -> None:
-    """Draw range minus truth.
-
-    Parameters
-    ----------
-    axes, frame, window : the panel, the frame, and the rows and columns shown
-    """
+    """Draw range minus truth."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch

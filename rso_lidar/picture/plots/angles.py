@@ -11,6 +11,7 @@ import numpy as np
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture.selection.sequence import choose_target, format_start, pick
 from rso_lidar.picture.style.figures import (
+    HEADROOM,
     LINE_PT,
     SMALL_PT,
     THICK_PT,
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
 
 DRAWN = 600  # most frames of a recording read
 FINE_DEG = 1e-3  # least span of an axis
-HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
 SILL = 0.04  # of the height, below zero, so that a line at zero is visible
 
 
@@ -251,7 +251,6 @@ def _draw_limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> N
     Parameters
     ----------
     ends : the limits [deg or deg/s]
-    rates : whether they are rates
     """
     low, high = axes.get_ylim()
     far = []

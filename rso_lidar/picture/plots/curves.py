@@ -12,6 +12,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.picture.selection.sequence import find_target_returns, format_start, pick, target_ranges_m
 from rso_lidar.picture.style.figures import (
+    HEADROOM,
     LINE_PT,
     THIN_PT,
     WIDE_PT,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 DRAWN = 600  # most frames read
 NONE = float("nan")
-HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
 
 
 @dataclass(frozen=True)

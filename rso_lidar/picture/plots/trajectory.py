@@ -11,6 +11,7 @@ import numpy as np
 from rso_lidar.picture.selection.sequence import choose_target, pick
 from rso_lidar.picture.style.colour_maps import RANGE_RAMP
 from rso_lidar.picture.style.figures import (
+    HEADROOM,
     LINE_PT,
     TEXT_PT,
     THIN_PT,
@@ -34,7 +35,6 @@ ORIGINS = (".rtn", ".origin")  # non-rotating axes at a target's origin
 STRETCHED = 12.0  # ratio of the extents above which the axes of a panel have different scales
 ARROW = 36.0  # length of the greatest impulse's arrow [points]
 CLOSED = 0.05  # ends closer than this share of the path's extent share a label
-HEADROOM = 1.06  # top of a range axis over the greatest range
 NEAR, FAR, MARKER = 8.0, 22.0, 6.0  # distances of a label from its marker, and half a marker [points]
 
 _LETTERS = 22  # most letters of a target's name in a panel's title

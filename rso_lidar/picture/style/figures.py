@@ -31,6 +31,7 @@ PAGE_DPI = 120  # of figures in web pages
 STYLES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))  # of lines beyond as many as there are colours
 
 ROUND = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # leading digits of the ends of scales
+HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
 LINE_IN = 0.17  # height of a line of small print [inches]
 
 
@@ -42,12 +43,6 @@ def new_figure(
     Parameters
     ----------
     width_in, height_in : size of the figure [inches]
-    title, note : the heading, and a line below it
-    small_print : lines at the foot
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -73,7 +68,6 @@ def style_axes(axes: Axes, title: str = "", x: str = "", y: str = "", note: str 
 
     Parameters
     ----------
-    axes : the plot
     title : at the left, above
     x, y : labels of the axes
     note : at the right, above
@@ -94,7 +88,6 @@ def style_bar(bar: Colorbar, label: str = "") -> None:
 
     Parameters
     ----------
-    bar : of the figure
     label : with the unit
     """
     bar.ax.tick_params(which="both", labelsize=SMALL_PT, color=RULE, labelcolor=QUIET)
@@ -103,14 +96,7 @@ def style_bar(bar: Colorbar, label: str = "") -> None:
 
 
 def colour_axis(axes: Axes, side: Literal["left", "right"], colour: str) -> None:
-    """Draw the axis of values at a side in the colour of its curve, where two curves have an axis each.
-
-    Parameters
-    ----------
-    axes : the plot
-    side : of the axis
-    colour : of the curve
-    """
+    """Draw the axis of values at a side in the colour of its curve, where two curves have an axis each."""
     axes.spines[side].set(visible=True, color=colour, linewidth=THICK_PT)
     axes.tick_params(axis="y", which="both", color=colour)
 
@@ -126,13 +112,7 @@ def colour_of(number: int) -> tuple[str, Any]:
 
 
 def draw_legend(axes: Axes, columns: int = 1) -> None:
-    """Draw a frameless legend in quiet ink where it covers least.
-
-    Parameters
-    ----------
-    axes : the plot, whose curves have labels
-    columns : of the legend
-    """
+    """Draw a frameless legend in quiet ink where it covers least."""
     axes.legend(fontsize=SMALL_PT, frameon=False, loc="best", labelcolor=QUIET, ncols=columns)
 
 
@@ -141,7 +121,6 @@ def widen_short_axis(axes: Axes, least: float) -> None:
 
     Parameters
     ----------
-    axes : the plot
     least : span that the axis of values has at least, in its unit
     """
     low, high = axes.get_ylim()
@@ -158,10 +137,6 @@ def shorten(text: str, letters: int) -> str:
     ----------
     text : left as it is if it fits
     letters : most letters
-
-    Returns
-    -------
-    str
     """
     return text if len(text) <= letters else f"{text[: letters - 1]}…"
 
@@ -180,13 +155,7 @@ def format_thousands(*several: Axis) -> None:
 
 
 def log_ticks(axis: Axis, low: float, high: float) -> None:
-    """Set the ticks of a log axis, at least three of them with numbers however short the axis is.
-
-    Parameters
-    ----------
-    axis : the axis
-    low, high : its ends
-    """
+    """Set the ticks of a log axis, at least three of them with numbers however short the axis is."""
     from matplotlib.ticker import (
         FixedLocator,
         LogFormatterMathtext,
@@ -214,16 +183,7 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
 
 
 def use_minus_sign(number: str) -> str:
-    """Replace the hyphen of a number by a true minus.
-
-    Parameters
-    ----------
-    number : in digits
-
-    Returns
-    -------
-    str
-    """
+    """Replace the hyphen of a number by a true minus."""
     return number.replace("-", "−")
 
 

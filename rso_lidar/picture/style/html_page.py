@@ -61,9 +61,6 @@ def embed_figure(figure: Any, text: str, caption: str = "", scheme: Scheme = LIG
 
     Parameters
     ----------
-    figure : a matplotlib Figure
-    text : alternative text
-    caption : caption as HTML
     scheme : `LIGHT` or `DARK`, that of the page; the figure keeps its colours
 
     Returns
@@ -84,8 +81,6 @@ def write_page(title: str, body: Iterable[str], scheme: Scheme = LIGHT) -> str:
 
     Parameters
     ----------
-    title : of the page
-    body : its elements as HTML
     scheme : `LIGHT` or `DARK`
 
     Returns

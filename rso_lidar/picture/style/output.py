@@ -49,14 +49,9 @@ def save_small_figure(
 
     Parameters
     ----------
-    figure : what to write
     path : of the file; an existing one is replaced
     scheme : `LIGHT` or `DARK`; the figure keeps the dark colours
     metadata : texts of the PNG by keyword, such as ``{"Description": "…"}``
-
-    Returns
-    -------
-    The path of the file.
     """
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo

@@ -47,21 +47,7 @@ def has_rerun() -> bool:
 
 
 def import_rerun(what: str) -> Any:
-    """Import rerun, which is an extra.
-
-    Parameters
-    ----------
-    what : purpose of the import, for the message
-
-    Returns
-    -------
-    module
-
-    Raises
-    ------
-    RecordingError
-        If the extra ``view`` is not installed.
-    """
+    """Import rerun, which is an extra; raise `RecordingError` if the extra ``view`` is not installed."""
     try:
         import rerun
     except ImportError:
@@ -83,8 +69,6 @@ def write_rerun(
 
     Parameters
     ----------
-    frames : a recording, or some of its frames
-    path : of the file
     shapes : true meshes, each in axes that the truth knows
     colour : what the points' colour means, with one scale for all frames
     each : iterator over the same frames that counts them as they are read (None: `frames`)
@@ -129,10 +113,6 @@ def open_rerun(path: str | Path) -> None:
     and send usage data. On Linux a configuration of its own also tells it to collect none; elsewhere
     `rerun analytics disable` does.
 
-    Parameters
-    ----------
-    path : of the scene
-
     Raises
     ------
     RecordingError
@@ -150,12 +130,7 @@ def open_rerun(path: str | Path) -> None:
 
 
 def viewer_command(path: str | Path) -> list[str]:
-    """Return the command that shows a scene in a viewer of its own, on a port closed to other machines.
-
-    Parameters
-    ----------
-    path : of the scene
-    """
+    """Return the command that shows a scene in a viewer of its own, on a port closed to other machines."""
     return [sys.executable, "-m", "rerun", "--bind", _HERE, "--port", "auto", os.fspath(path)]
 
 
@@ -229,12 +204,7 @@ def paths_of(poses: PoseTree, world: str) -> dict[str, list[str]]:
 
 
 def world_of(frame: Frame) -> str:
-    """Return the name of the root axes of a scene: non-rotating at the first target, or else at the follower.
-
-    Parameters
-    ----------
-    frame : the first one of the scene
-    """
+    """Return the name of the root axes of a scene: non-rotating at the first target, or else at the follower."""
     poses = frame.truth.poses
     names = [entry.name for entry in frame.source.targets if entry.name in poses]
     names += [name for name in ("follower", "lidar") if name in poses]
@@ -251,12 +221,7 @@ class RerunScene:
 
         Parameters
         ----------
-        rerun : the module
-        first : the first frame
         lasts_s : time between the first and last frame [s]
-        shapes : meshes of the targets
-        scale : colour scales
-        colour : quantity that colours the point cloud
         """
         self.rr, self.first, self.shapes, self.scale, self.colour = rerun, first, shapes, scale, colour
         self.world = world_of(first)
@@ -269,12 +234,7 @@ class RerunScene:
         self.lens: tuple[float, int, int] | None = None
 
     def begin(self, stream: Any) -> None:
-        """Write what does not change: style of the axes, meshes, and the up direction.
-
-        Parameters
-        ----------
-        stream : of Rerun, to which is logged
-        """
+        """Write what does not change: style of the axes, meshes, and the up direction."""
         rr = self.rr
         stream.log(self.paths[self.world], rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         bodies = {shape.target for shape in self.shapes}
@@ -306,7 +266,6 @@ class RerunScene:
 
         Parameters
         ----------
-        stream : of Rerun, to which is logged
         frame : with the axes of the first one
         """
         rr, poses = self.rr, frame.truth.poses

@@ -61,9 +61,7 @@ def add_earthshine(
             points = localize_points(surfaces, k, truth, direction[on], facet[on], hits.range_m[on])
             light[on] += gather(points, hits.ray[on], disc, albedo)
 
-    pieces = []
-    for k, of_surface in split_by_surface(number, len(surfaces)):
-        pieces += [(k, of_surface[start : start + _BAND_HITS]) for start in range(0, len(of_surface), _BAND_HITS)]
+    pieces = split_by_surface(number, len(surfaces), _BAND_HITS)
     run_in_threads(threads, lambda piece: add(*piece), pieces)
     return replace(hits, sunlight_per_sr=light)
 

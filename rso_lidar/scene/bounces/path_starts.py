@@ -17,12 +17,7 @@ STEPS = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
 
 
 def number_facets(hits: Hits, surfaces: tuple[Surface, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of the surface, and that of its facet, of each hit (hit).
-
-    Parameters
-    ----------
-    surfaces : the surfaces; several may belong to one target
-    """
+    """Return the number of the surface, and that of its facet, of each hit (hit)."""
     number, facet = np.zeros(len(hits.ray), np.int16), np.zeros(len(hits.ray), np.int32)
     of_target: dict[int, list[int]] = {}
     for k, surface in enumerate(surfaces):
@@ -47,7 +42,6 @@ def start_paths(
     ----------
     can_send : (hit) whether a path from it can meet another surface
     key : (2) uint32, key of the frame's random words
-    n_paths : wanted number of paths
 
     Returns
     -------

@@ -25,7 +25,6 @@ def localize_points(
 
     Parameters
     ----------
-    truth : where they are
     direction : (path, xyz), unit vectors from the lidar to the points, in lidar axes
     facet : (path), number of the facet
     range_m : (path), distance from the lidar [m]

@@ -27,10 +27,6 @@ def find_segments(starts: LocalHits, toward: np.ndarray, asked: np.ndarray) -> S
     starts : where the paths begin, on one surface
     toward : (xyz, path), unit vectors in the axes of that surface, on the side of `starts.facing`
     asked : (path) mask of the paths to follow
-
-    Returns
-    -------
-    The facets and their distances.
     """
     n = len(starts.facet)
     centre, radius = starts.surface.sphere

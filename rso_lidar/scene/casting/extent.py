@@ -121,16 +121,13 @@ def append_side(
 ) -> int:
     """Append one side of the convex outline of sorted points, without its last point (Andrew's monotone chain).
 
+    It returns the number of corners.
+
     Parameters
     ----------
     x, y : (point), the points; those from `first` to `last` are sorted
     way : 1 along the side of small y, -1 back along the other
     corners : (corner, 2), to which the side is written behind the first `n_corners`
-    n_corners : number of corners so far
-
-    Returns
-    -------
-    The number of corners now.
     """
     begin = n_corners
     for step in range(last - first):

@@ -74,18 +74,13 @@ def target_numbers(surfaces: Sequence[Surface]) -> np.ndarray:
 def find_first_hits(
     rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | None, engine: Engine
 ) -> FirstHits:
-    """Find the first hit of each ray on all surfaces.
+    """Find the first hit of each ray on all surfaces; return the columns of the hits, in the order of rays.
 
     Parameters
     ----------
     rays : the rays, in lidar axes
     surfaces : the surfaces, each in its own axes
-    truth : where the surfaces are
     threads : number of bands in parallel (None: one for each core)
-
-    Returns
-    -------
-    columns of the hits, in the order of rays.
     """
     _held, targets = _targets(tuple(surfaces), engine)  # embree frees a scene that is not referenced
     origin, turn = np.empty((len(surfaces), 3)), np.empty((len(surfaces), 3, 3))
@@ -111,13 +106,18 @@ def find_first_hits(
     return first
 
 
-def split_by_surface(number: np.ndarray, n_surfaces: int) -> list[tuple[int, np.ndarray]]:
-    """Group hits by surface: return the number of each surface that is hit, and its hits in order."""
-    if n_surfaces == 1:
-        return [(0, np.arange(len(number)))] if len(number) else []
-    order = np.argsort(number, kind="stable")
-    edges = np.searchsorted(number[order], np.arange(n_surfaces + 1))
-    return [(k, order[a:b]) for k, (a, b) in enumerate(pairwise(edges.tolist())) if a < b]
+def split_by_surface(number: np.ndarray, n_surfaces: int, most: int | None = None) -> list[tuple[int, np.ndarray]]:
+    """Group hits by surface, at most `most` together: return the number of the surface, and the hits in order, of each."""
+    order, edges = np.arange(len(number)), [0, len(number)]
+    if n_surfaces > 1:
+        order = np.argsort(number, kind="stable")
+        edges = np.searchsorted(number[order], np.arange(n_surfaces + 1)).tolist()
+    step = most or max(len(number), 1)
+    return [
+        (k, order[a : min(a + step, end)])
+        for k, (begin, end) in enumerate(pairwise(edges))
+        for a in range(begin, end, step)
+    ]
 
 
 class Columns(NamedTuple):
@@ -220,10 +220,6 @@ def select_rays(
     direction : (xyz, ray) f8, unit vectors
     near : (ray in the block), range of the nearest hit so far [m]. A ray with a hit nearer than the target is left out
     chosen : (ray in the block), to which the numbers of the selected rays are written
-
-    Returns
-    -------
-    number of selected rays.
     """
     count = 0
     x, y, z = target[_CENTRE], target[_CENTRE + 1], target[_CENTRE + 2]
@@ -252,7 +248,6 @@ def cast_rays(
     Parameters
     ----------
     origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar
-    width : number of rays in a packet
 
     Returns
     -------

@@ -1,11 +1,15 @@
 """Shadows: points from which a surface hides the light."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rso_lidar.kernels import kernel, packed
+from rso_lidar.records import Truth
 from rso_lidar.scene.casting.local_hits import LocalHits
 from rso_lidar.scene.embree.engine import engine
 from rso_lidar.scene.embree.packets import ALONG, BEFORE, FAR, START, ask, make_packet
+from rso_lidar.scene.surfaces.surface import Surface
 
 OFF_THE_FACET = 1e-5  # of the surface's size: a hundred float32 steps, so that no facet shades itself
 
@@ -69,8 +73,6 @@ def mark_shadowed(
     reach : (ray), length of the rays [m]
     origin, turn : pose of those axes in the axes of the surface that is tested
     sphere : centre and radius of its bounding sphere [m]
-    scene : address of the surface's acceleration structure
-    width : number of rays in a packet
     """
     words = make_packet(width)
     values = words.view(np.float32)[BEFORE:]
@@ -105,3 +107,30 @@ def mark_shadowed(
             for k in range(count):
                 met[rays[k]] = values[FAR * width + k] < 0.0  # embree reports an occluder by minus infinity
             count = 0
+
+
+def find_hidden(direction: np.ndarray, surfaces: Sequence[Surface], truth: Truth) -> np.ndarray:
+    """Find the directions from the lidar's origin that meet a target.
+
+    Parameters
+    ----------
+    direction : (ray, xyz) unit vectors in lidar axes
+    surfaces : the surfaces of all targets, each in its own axes
+    truth : where the surfaces are
+
+    Returns
+    -------
+    (ray) bool, whether a target hides what is there.
+    """
+    n = len(direction)
+    met, asked = np.zeros(n, dtype=bool), np.ones(n, dtype=bool)
+    nowhere, along = packed(np.zeros((3, n))), packed(np.asarray(direction, dtype=float).T)
+    embree = engine()
+    for surface in surfaces if n else ():
+        origin, turn = truth.poses.place(surface.name, "lidar")
+        scene, sphere = surface.scene(embree), np.append(*surface.sphere)
+        rays = packed(asked), nowhere, nowhere, 0.0, along, packed(np.full(n, np.inf))
+        placed = packed(np.asarray(origin)), packed(np.asarray(turn)), packed(sphere)
+        mark_shadowed(met, *rays, *placed, embree.occluded, scene.address, embree.width)
+        embree.check()
+    return met

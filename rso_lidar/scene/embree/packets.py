@@ -72,14 +72,7 @@ def make_packet(width: int) -> np.ndarray:
 
 @kernel
 def ask(question: int, scene: int, words: np.ndarray, width: int, count: int) -> None:
-    """Query embree about the first rays of a packet.
-
-    Parameters
-    ----------
-    scene : address of the acceleration structure
-    width : number of rays that the packet has room for
-    count : number of rays in it
-    """
+    """Query embree about the first rays of a packet."""
     used = BEFORE + ROWS * width
     for k in range(width):
         words[used + k] = NOTHING if k < count else np.uint32(0)

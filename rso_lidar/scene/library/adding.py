@@ -17,12 +17,12 @@ import numpy as np
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.files import hold_lock, write_atomically
 from rso_lidar.records import OTHER, PART_CLASSES, Taxonomy, classify_size
-from rso_lidar.scene.library.group_materials import materials_of
 from rso_lidar.scene.library.mesh_units import guess_scale, known_meshes
 from rso_lidar.scene.library.model_index import (
     ModelEntry,
     guess_part_classes,
     load_materials,
+    materials_of,
     model,
     models,
     own_entry,
@@ -219,7 +219,6 @@ def _table(
 
     Parameters
     ----------
-    given : properties that the user gives
     unit_m : metres in the unit that the file states, None where it states none
     """
     report: list[str] = []
@@ -273,12 +272,7 @@ def _table(
 
 
 def _report_known(fields: dict[str, Any], known: Mapping[str, Any], given: MeshOptions, report: list[str]) -> None:
-    """Report which words of the taxonomy are missing, and how to give them.
-
-    Parameters
-    ----------
-    given : properties that the user gives
-    """
+    """Report which words of the taxonomy are missing, and how to give them."""
     options = {"object_class": "--class", "subclass": "--subclass", "shape_family": "--shape"}
     options["stabilisation"] = "--stabilisation"
     guessed = [key for key in options if given.taxonomy.get(key) is None and key not in known]
@@ -292,7 +286,6 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: flo
 
     Parameters
     ----------
-    given : properties that the user gives
     unit_m : metres in the unit that the file states, None where it states none
 
     Raises
@@ -316,17 +309,7 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: flo
 
 
 def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) -> dict[str, str]:
-    """Return the material of every part.
-
-    Parameters
-    ----------
-    given : properties that the user gives
-
-    Raises
-    ------
-    MeshError
-        If a material or a part is unknown.
-    """
+    """Return the material of every part; raise `MeshError` if a material or a part is unknown."""
     for name in (*([given.material] if given.material else []), *given.part_materials.values()):
         if name not in load_materials():
             guess = did_you_mean(name, load_materials())
@@ -355,17 +338,7 @@ def _list_parts(parts: Iterable[str]) -> str:
 
 
 def _part_classes(parts: tuple[str, ...], given: MeshOptions, report: list[str]) -> dict[str, str]:
-    """Return the common class of every part.
-
-    Parameters
-    ----------
-    given : properties that the user gives
-
-    Raises
-    ------
-    MeshError
-        If a class or a part is unknown.
-    """
+    """Return the common class of every part; raise `MeshError` if a class or a part is unknown."""
     _check_parts(given.part_classes, parts)
     for kind in given.part_classes.values():
         if kind not in PART_CLASSES:

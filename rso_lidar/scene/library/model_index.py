@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
@@ -21,10 +21,10 @@ from rso_lidar.shipped import shipped
 
 _INSTALL_AGAIN = "install the package again (in a checkout: `make models`)"
 _OWN_CURE = "correct that line, or add the mesh again with `rso-lidar models add --overwrite`"
+_TABLE = "material_names.toml"  # in models/, and beside the user's own index: materials by names of groups
 
 
-@dataclass(frozen=True)
-class ModelEntry:
+class ModelEntry(BaseModel):
     """Entry of the index about one model.
 
     Attributes
@@ -62,30 +62,43 @@ class ModelEntry:
         Whether the model is from the user's own library
     """
 
-    name: str
-    file: str
-    what: str
-    source: str
-    licence: str
-    confidence: str
-    axes: str
-    size_m: tuple[float, float, float]
-    facets: int
-    size_bytes: int
-    sha256: str
-    center_of_mass_m: tuple[float, float, float]
-    mass_kg: float | None
-    inertia_kg_m2: tuple[tuple[float, ...], ...] | None
-    parts: Mapping[str, str]
-    part_classes: Mapping[str, PartClass]
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False, defer_build=True, frozen=True)
+
+    name: Text
+    file: Text
+    what: Text
+    source: Text
+    licence: Text
+    confidence: Text
+    axes: Text
+    size_m: tuple[NotNegative, NotNegative, NotNegative]
+    facets: Count
+    size_bytes: Count
+    sha256: Annotated[str, Strict(), Field(pattern="^[0-9a-f]{64}$")]
+    center_of_mass_m: Vector
+    mass_kg: Positive | None = None
+    inertia_kg_m2: tuple[Vector, Vector, Vector] | None = None
+    parts: dict[Text, Text]
+    part_classes: dict[Text, PartClass] = {}
     taxonomy: Taxonomy
-    hinges: tuple[Hinge, ...]
-    symmetry: Symmetry | None
+    hinge: tuple[Hinge, ...] = ()
+    symmetry: Symmetry | None = None
+    scale: Positive = 1.0
+    mesh_axes: Literal["z_up", "y_up"] = "z_up"
+    left_out: tuple[tuple[Whole, Whole], ...] = ()
     path: Path
-    scale: float = 1.0
-    mesh_axes: str = "z_up"
-    left_out: tuple[tuple[int, int], ...] = ()
     own: bool = False
+
+    @model_validator(mode="after")
+    def _runs_in_order(self) -> Self:
+        if any(not 0 <= first <= last for first, last in self.left_out):
+            raise ValueError("left_out: the first facet of a run is after its last; exchange them")
+        return self
+
+    @property
+    def hinges(self) -> tuple[Hinge, ...]:
+        """Parts that turn: the tables [[model.hinge]] of the index."""
+        return self.hinge
 
     @property
     def mesh(self) -> Mesh:
@@ -266,41 +279,6 @@ def read_table(path: Path, cure: str = _INSTALL_AGAIN) -> dict[str, Any]:
         raise MeshError(f"{path}: cannot be read ({reason}); {cure}") from None
 
 
-class _ModelTable(BaseModel):
-    """One [[model]] of an index, and the values that its keys may have."""
-
-    model_config = ConfigDict(extra="ignore", allow_inf_nan=False, defer_build=True)
-
-    name: Text
-    file: Text
-    what: Text
-    source: Text
-    licence: Text
-    confidence: Text
-    axes: Text
-    size_m: tuple[NotNegative, NotNegative, NotNegative]
-    facets: Count
-    size_bytes: Count
-    sha256: Annotated[str, Strict(), Field(pattern="^[0-9a-f]{64}$")]
-    center_of_mass_m: Vector
-    mass_kg: Positive | None = None
-    inertia_kg_m2: tuple[Vector, Vector, Vector] | None = None
-    parts: dict[Text, Text]
-    part_classes: dict[Text, PartClass] = {}
-    taxonomy: Taxonomy
-    hinge: tuple[Hinge, ...] = ()
-    symmetry: Symmetry | None = None
-    scale: Positive = 1.0
-    mesh_axes: Literal["z_up", "y_up"] = "z_up"
-    left_out: tuple[tuple[Whole, Whole], ...] = ()
-
-    @model_validator(mode="after")
-    def _runs_in_order(self) -> Self:
-        if any(not 0 <= first <= last for first, last in self.left_out):
-            raise ValueError("left_out: the first facet of a run is after its last; exchange them")
-        return self
-
-
 def guess_part_classes(parts: Iterable[str]) -> dict[str, PartClass]:
     """Return the common class of each part by its name, if a class or a part of a shipped model has it; else `other`.
 
@@ -318,11 +296,6 @@ def _entry(path: Path, table: Any, cure: str = _INSTALL_AGAIN, *, own: bool = Fa
     Parameters
     ----------
     path : path of the index, for messages
-    own : whether it is from the user's library, not a shipped one
-
-    Returns
-    -------
-    the entry.
 
     Raises
     ------
@@ -330,25 +303,44 @@ def _entry(path: Path, table: Any, cure: str = _INSTALL_AGAIN, *, own: bool = Fa
         If the table lacks a key or has an invalid one.
     """
     name = str(table.get("name", "?"))[:60] if isinstance(table, dict) else "?"
-    required = [key for key, field in _ModelTable.model_fields.items() if field.is_required()]
+    required = [key for key, field in ModelEntry.model_fields.items() if field.is_required() and key != "path"]
     missing = [key for key in required if not isinstance(table, dict) or key not in table]
     if missing:
         raise MeshError(f"{path}: model '{name}': lacks {', '.join(missing)}; {cure}")
     try:
-        read = _ModelTable(**table)
+        entry = ModelEntry(**{**table, "path": path.parent / str(table["file"]), "own": own})
     except ValidationError as error:
-        raise MeshError(f"{path}: model '{name}': {explain(error, _ModelTable, table)}; {cure}") from None
+        raise MeshError(f"{path}: model '{name}': {explain(error, ModelEntry, table)}; {cure}") from None
     except ScenarioError as error:
         raise MeshError(f"{path}: model '{name}': {error}; {cure}") from None
-    classes = (guess_part_classes(read.parts) if own else dict.fromkeys(read.parts, OTHER)) | read.part_classes
-    values = {
-        key: getattr(read, key) for key in _ModelTable.model_fields if key not in ("hinge", "parts", "part_classes")
-    }
-    return ModelEntry(
-        **values,
-        parts=MappingProxyType(dict(read.parts)),
-        part_classes=MappingProxyType(classes),
-        hinges=read.hinge,
-        path=path.parent / read.file,
-        own=own,
-    )
+    classes = (guess_part_classes(entry.parts) if own else dict.fromkeys(entry.parts, OTHER)) | entry.part_classes
+    fixed = {"parts": MappingProxyType(entry.parts), "part_classes": MappingProxyType(classes)}
+    return entry.model_copy(update=fixed)
+
+
+def materials_of(groups: Iterable[str]) -> dict[str, str]:
+    """Match groups to materials by name, first in the user's table; return the material of each group that matches.
+
+    >>> materials_of(["foil_gold.001", "tex_01", "osr"])
+    {'foil_gold.001': 'mli_gold', 'osr': 'osr'}
+    """
+    known = {name: name for name in load_materials()}
+    lines = [*_read(own_folder() / _TABLE).items(), *known.items(), *_read(shipped("models") / _TABLE).items()]
+    materials = {}
+    for group in groups:
+        fits = (material for pattern, material in lines if fnmatchcase(group.lower(), pattern.lower()))
+        if (material := next(fits, None)) is not None:
+            materials[group] = material
+    return materials
+
+
+def _read(path: Path) -> dict[str, str]:
+    if not path.exists():
+        return {}
+    table = read_table(path, "correct it")
+    known = load_materials()
+    for pattern, material in table.items():
+        if not isinstance(material, str) or material not in known:
+            guess = did_you_mean(str(material), known)
+            raise MeshError(f"{path}: '{pattern}': unknown material '{material}'{guess} (known: {', '.join(known)})")
+    return table

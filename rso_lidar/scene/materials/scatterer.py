@@ -259,16 +259,12 @@ class _Completed(Scatterer):
     def _ask(
         self, method: str, cos_in: np.ndarray, cos_out: np.ndarray | None, cos_phase: np.ndarray | None
     ) -> np.ndarray:
-        """Call a method of the object with read-only arrays, and check its BRDF.
+        """Call a method of the object with read-only arrays, and check its BRDF; return (hit) BRDF [1/sr].
 
         Parameters
         ----------
         method : its name; an object that lacks it has `brdf_per_sr`
         cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`
-
-        Returns
-        -------
-        (hit) BRDF [1/sr].
 
         Raises
         ------

@@ -90,19 +90,7 @@ class GltfFile:
             raise self.refuse(f"is glTF of version {wrong}, which is not read; export it again as glTF 2.0")
 
     def list_of(self, table: Mapping[str, Any], key: str, of: type = dict) -> list[Any]:
-        """Return a list of a glTF table, empty if it is absent.
-
-        Parameters
-        ----------
-        table : the table
-        key : key of the list
-        of : type that each entry must have
-
-        Raises
-        ------
-        MeshError
-            If the value is not such a list.
-        """
+        """Return a list of a glTF table, empty if it is absent; raise `MeshError` if the value is not such a list."""
         entries = table.get(key, [])
         if not isinstance(entries, list) or not all(isinstance(entry, of) for entry in entries):
             raise self.refuse(f"'{key}' is not a list as glTF defines it; export it again")
@@ -116,18 +104,11 @@ class GltfFile:
         return inner_table
 
     def count_of(self, table: Mapping[str, Any], key: str, default: int | None = None) -> int:
-        """Return a count or an index of a glTF table.
+        """Return a count or an index of a glTF table; raise `MeshError` if the value is not an integer from 0 up.
 
         Parameters
         ----------
-        table : the table
-        key : key of the number
         default : value if the key is absent; None for an error
-
-        Raises
-        ------
-        MeshError
-            If the value is not an integer from 0 up.
         """
         count = table.get(key, default)
         if type(count) is not int or count < 0:
@@ -139,8 +120,6 @@ class GltfFile:
 
         Parameters
         ----------
-        table : the table
-        key : key of the list
         length : how many there are; None for any
         default : values if the key is absent
         """
@@ -158,9 +137,7 @@ class GltfFile:
 
         Parameters
         ----------
-        entries : the list
         number : index of the entry
-        what : name of the list, for messages
 
         Raises
         ------
@@ -196,7 +173,6 @@ class GltfFile:
 
         Parameters
         ----------
-        number : of the accessor
         kind : glTF type that the accessor must have, such as "VEC3"; names separated by | where several do
         what : noun for the message where it has another
         rows : numbers of the values to return; None for all

@@ -55,11 +55,6 @@ def _load_cached(path: Path, cell_m: float, height_scale_m: float, _stamp: tuple
     Parameters
     ----------
     path, cell_m, height_scale_m : as for `load_height_field`
-    _stamp : modification time and size of the file, the key of the cache
-
-    Returns
-    -------
-    the mesh, in metres.
     """
     values = _image(path) if path.suffix.lower() == ".png" else _array(path)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -83,7 +83,7 @@ class Mesh:
 
 @lru_cache(maxsize=32)
 def _read_cached(path: Path, _stamp: tuple[int, int]) -> Mesh:
-    return _read(path)
+    return parse_mesh(path, read_bytes(path, MOST_BYTES, MeshError, "mesh file"), path.suffix.lower())
 
 
 def load_mesh(path: Path) -> Mesh:
@@ -121,10 +121,6 @@ def checked_file(path: Path, suffixes: tuple[str, ...]) -> Path:
         raise MeshError(f"{path}: a mesh of type '{path.suffix}' is not read; convert it to one of {known}{cad}")
     check_regular(path, MOST_BYTES, MeshError, "mesh file")
     return path
-
-
-def _read(path: Path) -> Mesh:
-    return parse_mesh(path, read_bytes(path, MOST_BYTES, MeshError, "mesh file"), path.suffix.lower())
 
 
 def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
@@ -251,20 +247,11 @@ def read_facet_colours(mesh: Mesh) -> np.ndarray:
 def normalize_mesh(
     mesh: Mesh, scale: float, mesh_axes: str = "z_up", left_out: tuple[tuple[int, int], ...] = ()
 ) -> Mesh:
-    """Scale a mesh to metres, turn it to z up, and drop runs of facets.
+    """Scale a mesh to metres, turn it to z up, and drop runs of facets; raise `MeshError` if all facets are dropped.
 
     Parameters
     ----------
     scale : metres in one unit of the file
-
-    Returns
-    -------
-    the mesh in metres and body axes.
-
-    Raises
-    ------
-    MeshError
-        If all facets are dropped.
     """
     if scale == 1.0 and mesh_axes == "z_up" and not left_out:
         return mesh

@@ -40,12 +40,7 @@ def check_tree(document: GltfFile, nodes: list[Any]) -> list[list[int]]:
 
 
 def place_nodes(document: GltfFile, nodes: list[Any], children: list[list[int]]) -> list[np.ndarray]:
-    """Return the matrix scene_from_node (4, 4) of each node.
-
-    Parameters
-    ----------
-    children : numbers of the children of each node
-    """
+    """Return the matrix scene_from_node (4, 4) of each node."""
     worlds = [_place(document, node) for node in nodes]
     level = sorted(set(range(len(nodes))) - {child for own in children for child in own})
     while level:
@@ -127,12 +122,7 @@ def _list_instancing(document: GltfFile, node: Mapping[str, Any]) -> dict[str, i
 
 
 def find_users(document: GltfFile, nodes: list[Any], children: list[list[int]], meshes: list[Any]) -> list[list[int]]:
-    """Return the visible nodes of the scene that use each mesh, in the order of the file.
-
-    Parameters
-    ----------
-    children : numbers of the children of each node
-    """
+    """Return the visible nodes of the scene that use each mesh, in the order of the file."""
     scenes = document.list_of(document.tree, "scenes")
     if scenes:
         number = document.count_of(document.tree, "scene", 0)

@@ -15,18 +15,10 @@ _CURVED = ("surf", "curv", "cdc", "cdp", "bzp", "bsp")  # surfaces and curves wi
 
 
 def read_obj(path: Path, blob: bytes, most_parts: int) -> list[MeshPiece]:
-    """Read the groups of an OBJ file.
+    """Read the groups of an OBJ file; return the triangles of each run of polygons under one group or object.
 
     A polygon becomes triangles, numbered one by one. Textures, normals, smoothing groups and materials do not
     bear on range and intensity, and are ignored.
-
-    Parameters
-    ----------
-    most_parts : the greatest number of groups
-
-    Returns
-    -------
-    the triangles of each run of polygons under one group or object.
 
     Raises
     ------

@@ -20,10 +20,6 @@ _KEYWORD = re.compile(r"(ST)?(C)?(N)?OFF")
 def read_off(path: Path, blob: bytes) -> list[MeshPiece]:
     """Read an OFF file.
 
-    Returns
-    -------
-    its triangles, as one part.
-
     Raises
     ------
     MeshError

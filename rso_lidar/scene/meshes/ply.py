@@ -44,10 +44,6 @@ class _Element:
 def read_ply(path: Path, blob: bytes) -> list[MeshPiece]:
     """Read a PLY file, with the colours of its faces, or the mean of those of their vertices.
 
-    Returns
-    -------
-    its triangles, as one part.
-
     Raises
     ------
     MeshError

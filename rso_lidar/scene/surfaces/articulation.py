@@ -76,10 +76,6 @@ def _select_facets(surface: Surface, which: np.ndarray, name: str, origin_m: np.
     which : (facet) bool, the facets to keep
     name : name of the new axes
     origin_m : (xyz), their origin in the surface's axes [m]
-
-    Returns
-    -------
-    the facets as a surface with the new name and origin.
     """
     mesh = surface.mesh
     fewer = replace(mesh, facets=mesh.facets[which], part=mesh.part[which], source_facet=mesh.source_facet[which])

@@ -90,7 +90,8 @@ class Examination:
             fits = guess_units(self.largest_m)
             guess = ", ".join(f"{unit} (--scale {metres:g})" for unit, metres in fits.items()) or "no common unit fits"
             text.append(f"unit        doubtful: no spacecraft is {self.largest_m:.4g} m across; perhaps {guess}")
-        repaired = [f"{count:,} {what}" for count, what in self._repairs if count]
+        repairs = ((self.degenerate, "without area dropped"), (self.left_out, "left out, not a part of the craft"))
+        repaired = [f"{count:,} {what}" for count, what in repairs if count]
         text.append(
             f"facets      {self.facets:,} in {format_count(self.parts, 'part')}; {', '.join(repaired) or 'none dropped'}"
         )
@@ -110,7 +111,10 @@ class Examination:
             text.append(
                 f"cube        {_at(self.cube)}: a helper cube of the drawing, most likely; in NASA's models it is 1 m"
             )
-        text.append(f"holes       {format_count(self.boundary_edges, 'edge')} with one facet; {self._shell}")
+        shell = f"{format_count(self.nonmanifold_edges, 'edge')} with over two"
+        if not self.boundary_edges and not self.nonmanifold_edges:
+            shell += "; watertight"
+        text.append(f"holes       {format_count(self.boundary_edges, 'edge')} with one facet; {shell}")
         text.append(
             f"winding     {self.front_share:.2%} of first hits face the ray, "
             f"{format_count(self.turned_edges, 'edge')} turned: facets are two-sided here, so no light is lost"
@@ -119,15 +123,6 @@ class Examination:
             f"hidden      {self.hidden:,} facets ({self.hidden_area_share:.1%} of the area) are never hit from outside"
         )
         return text
-
-    @property
-    def _repairs(self) -> tuple[tuple[int, str], ...]:
-        return ((self.degenerate, "without area dropped"), (self.left_out, "left out, not a part of the craft"))
-
-    @property
-    def _shell(self) -> str:
-        over = f"{format_count(self.nonmanifold_edges, 'edge')} with over two"
-        return f"{over}; watertight" if not self.boundary_edges and not self.nonmanifold_edges else over
 
 
 def examine_file(source: str | Path, scale: float | None = None) -> Examination:
@@ -231,10 +226,6 @@ def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.
     corners : (facet, corner, xyz) [m]
     component : (facet), number of the component
     area : (facet) [m²]
-
-    Returns
-    -------
-    numbers of these components.
     """
     middle = corners.mean(axis=1)
     order = np.argsort(middle, axis=0)

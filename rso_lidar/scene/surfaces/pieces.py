@@ -78,7 +78,6 @@ def find_cut(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.
     Parameters
     ----------
     low, high : (facet, xyz), bounds of all facets
-    facets : numbers of the facets to divide
 
     Returns
     -------

@@ -1,19 +1,22 @@
-"""What a file holds, in a few words, after the reader of its kind has read it."""
+"""What a file holds, in a few words, after the reader of its kind has read it; and files that a user uploads."""
 
 from __future__ import annotations
 
 import json
+import tempfile
 from pathlib import Path
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.files import MOST_BYTES, read_bytes
+from rso_lidar.files import MOST_BYTES, check_writable, read_bytes, write_atomically
 from rso_lidar.orbit import list_ephemeris_objects, read_element_sets
 from rso_lidar.scene import load_mesh
 from rso_lidar.studio.model.mesh_sizes import summarize_mesh
+from rso_lidar.studio.model.root_folder import Folder
 
 MESHES = (".stl", ".obj", ".ply", ".glb", ".off")
 _ELEMENT_SETS = (".tle", ".3le", ".omm")
 KINDS = (*MESHES, *_ELEMENT_SETS, ".toml", ".csv", ".json", ".oem", ".aem", ".txt")  # suffixes of files that are read
+MOST_UPLOAD_BYTES = 64 * 2**20
 
 
 def summarize_file(path: Path) -> str:
@@ -53,3 +56,26 @@ def _read(path: Path) -> str:
     except (ValueError, RecursionError) as error:
         raise ScenarioError(f"{path.name}: is not JSON ({error}); export it again") from None
     return f"{len(content):,} bytes"
+
+
+def keep_upload(folder: Folder, name: str, content: bytes) -> str:
+    """Write an uploaded file into the folder after its reader has read it, and return a line about it.
+
+    Raises
+    ------
+    RsoLidarError
+        If the name is not allowed or taken, the file is too large, or its reader refuses it.
+    """
+    place = folder.resolve(name, KINDS)
+    if len(content) > MOST_UPLOAD_BYTES:
+        raise ScenarioError(f"{name}: has over {MOST_UPLOAD_BYTES >> 20} MB; copy it into the folder yourself")
+    if place.exists():
+        raise ScenarioError(f"{name}: is in the folder already; rename yours, or remove that one first")
+    with tempfile.TemporaryDirectory() as aside:  # where no other file lies that a mesh could name
+        tried = Path(aside) / place.name
+        tried.write_bytes(content)
+        said = summarize_file(tried)
+    check_writable(place)
+    with write_atomically(place) as draft:
+        draft.write_bytes(content)
+    return f"{name}: {said}"

@@ -17,12 +17,7 @@ _MM = 1e-6  # 1,000 km, the unit of views of orbits
 
 
 def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
-    """Draw the Earth and the orbits of all bodies in inertial axes, in units of 1,000 km.
-
-    Parameters
-    ----------
-    flight, row, scheme : what is drawn, at which row, and its colours
-    """
+    """Draw the Earth and the orbits of all bodies in inertial axes, in units of 1,000 km."""
     scene, truth = SpaceScene("orbit", scheme), flight.truth(row)
     radius = EARTH_RADIUS_M * _MM
     scene.header["items"].append({"kind": "sphere", "radius": radius, "colour": palette.DAY})
@@ -61,12 +56,7 @@ def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Space
 
 
 def draw_relative(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
-    """Draw the path of the follower about the first target, in the target's rtn axes [m].
-
-    Parameters
-    ----------
-    flight, row, scheme : what is drawn, at which row, and its colours
-    """
+    """Draw the path of the follower about the first target, in the target's rtn axes [m]."""
     scene, path = SpaceScene("relative", scheme), flight.path_m
     corners = np.array([path.min(axis=0, initial=0.0), path.max(axis=0, initial=0.0)])
     middle, span = corners.mean(axis=0), max(0.5 * float(np.linalg.norm(np.ptp(corners, axis=0))), 1.0)
@@ -84,12 +74,7 @@ def draw_relative(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Sp
 
 
 def draw_target(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
-    """Draw the first target in its attitude, in the Sun's light, with the field of view and the beam about it [m].
-
-    Parameters
-    ----------
-    flight, row, scheme : what is drawn, at which row, and its colours
-    """
+    """Draw the first target in its attitude, in the Sun's light, with the field of view and the beam about it [m]."""
     scene = SpaceScene("target", scheme)
     pose, lidar = flight.matrix(row, flight.base), flight.matrix(row, "lidar")
     size = max((surface.radius_m for surface in flight.scenario.surfaces if surface.body == flight.base), default=1.0)
@@ -104,12 +89,7 @@ def draw_target(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Spac
 
 
 def draw_lidar(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
-    """Draw follower, PTU and lidar with their axes, the field of view and the beam to the target [m].
-
-    Parameters
-    ----------
-    flight, row, scheme : what is drawn, at which row, and its colours
-    """
+    """Draw follower, PTU and lidar with their axes, the field of view and the beam to the target [m]."""
     scene, lidar = SpaceScene("lidar", scheme), flight.matrix(row, "lidar")
     for name, length in (("follower", 1.2), ("ptu", 0.8), ("lidar", 0.6)):
         if name in flight.truth(row).poses:

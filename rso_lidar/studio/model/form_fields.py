@@ -55,7 +55,6 @@ class FieldForm:
         Parameters
         ----------
         scenario : None where the text is not one
-        place : of the field
         """
         return show_value(find_value_in_force(scenario, place)) or self.default
 
@@ -70,12 +69,7 @@ def list_fields(cls: type[Part]) -> list[FieldForm]:
 
 
 def find_part(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | int, ...]) -> type[Part] | None:
-    """Return the part that fills the table at a place of a text; None where it is not known.
-
-    Parameters
-    ----------
-    steps : keys and numbers of entries
-    """
+    """Return the part that fills the table at a place of a text; None where it is not known."""
     part: type[Part] | None = cls
     here: Any = tables
     field: FieldForm | None = None
@@ -122,12 +116,7 @@ def iterate_tables(cls: type[Part], tables: Mapping[str, Any], nested: str) -> I
 
 
 def make_entry(cls: type[Part], key: str, entries: Sequence[Any]) -> dict[str, Any]:
-    """Make a new entry of a list of tables, with a free name and its type where it has them.
-
-    Parameters
-    ----------
-    cls : the part that fills the entry
-    """
+    """Make a new entry of a list of tables, with a free name and its type where it has them."""
     table: dict[str, Any] = {"type": cls.model_fields["type"].default} if "type" in cls.model_fields else {}
     if "name" in cls.model_fields and cls.model_fields["name"].is_required():
         taken = {entry.get("name") for entry in entries if isinstance(entry, Mapping)}
@@ -141,7 +130,6 @@ def parse_value(kind: str, text: str) -> Any:
     Parameters
     ----------
     kind : of the field, one of `SCALARS`
-    text : as typed; not empty
 
     Raises
     ------
@@ -210,7 +198,11 @@ def _read_field(name: str, field: FieldInfo) -> FieldForm:
     members = [member for member in _members(annotation) if member is not type(None)]
     kind = _find_kind(members, classes)
     literals = [value for member in members if get_origin(member) is Literal for value in get_args(member)]
-    choices = {_tag(cls): _describe_class(cls) for cls in classes} if kind in ("variant", "entries") else {}
+    choices = (
+        {_tag(cls): (cls.__doc__ or "").strip().partition("\n")[0].replace("`", "") for cls in classes}
+        if kind in ("variant", "entries")
+        else {}
+    )
     default = None if field.is_required() else field.get_default(call_default_factory=True)
     said = field.description or ""
     numeric = kind in ("number", "whole", "value")
@@ -265,7 +257,3 @@ def _members(annotation: Any) -> list[Any]:
 def _tag(cls: type[BaseModel]) -> str:
     field = cls.model_fields.get("type")
     return str(field.default) if field else cls.__name__
-
-
-def _describe_class(cls: type[BaseModel]) -> str:
-    return (cls.__doc__ or "").strip().partition("\n")[0].replace("`", "")

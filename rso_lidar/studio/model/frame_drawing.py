@@ -32,7 +32,6 @@ def draw_recorded_frame(
     Parameters
     ----------
     other : a recording to compare with, or None
-    marked : whether to mark the targets' origins and the centroid of the points
     scheme : `LIGHT` or `DARK`
     """
     try:

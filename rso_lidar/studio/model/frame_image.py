@@ -37,7 +37,6 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, bes
     Parameters
     ----------
     scheme : `LIGHT` or `DARK`
-    whole : whether to show the whole field, instead of a square about the target
     beside : a frame to compare with; the part of the field and the colours span both, whichever is drawn
     """
     spanned = (frame,) if beside is None else (frame, beside)
@@ -112,7 +111,6 @@ def _draw_panels(panels: tuple[_Panel, ...], window: Window, across_m: float, sc
 
     Parameters
     ----------
-    panels, window : the panels, and the part of the field that they show
     across_m : width of a panel at the target, NaN for no scale bar
     scheme : `LIGHT` or `DARK`
     """

@@ -66,10 +66,6 @@ class RecordingList:
 def open_recording(folder: Folder, name: str) -> tuple[Recording, bool]:
     """Open a recording of the folder, and say whether it is still written.
 
-    Parameters
-    ----------
-    folder : that holds it
-
     Raises
     ------
     RsoLidarError

@@ -17,24 +17,13 @@ class Folder:
     """
 
     def __init__(self, path: Path) -> None:
-        """Take the path of an existing folder.
-
-        Raises
-        ------
-        ScenarioError
-            If it is not a folder.
-        """
+        """Take the path of an existing folder; raise `ScenarioError` if it is not a folder."""
         if not path.is_dir():
             raise ScenarioError(f"{path}: is not a folder; make it first, or name another")
         self.path = path.resolve()
 
     def resolve(self, name: str, suffixes: tuple[str, ...]) -> Path:
         """Return the path of a name inside the folder; the file need not exist.
-
-        Parameters
-        ----------
-        name : relative path
-        suffixes : allowed endings of the name
 
         Raises
         ------

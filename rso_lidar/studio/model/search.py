@@ -31,9 +31,7 @@ def search_sets(file: Path, words: str, most: int) -> dict[str, Tle | Omm]:
 
     Parameters
     ----------
-    file : catalogue in any format that the package reads
     words : part of the name or of the number; empty for all
-    most : greatest number of sets
 
     Raises
     ------

@@ -32,12 +32,7 @@ class SpaceScene:
         self.look((0.0, -3.0, 1.0))
 
     def look(self, eye: Any, at: Any = (0.0, 0.0, 0.0), up: Any = (0.0, 0.0, 1.0)) -> None:
-        """Place the camera.
-
-        Parameters
-        ----------
-        eye, at, up : position, point in the middle, and the upward direction
-        """
+        """Place the camera."""
         camera = {"eye": eye, "at": at, "up": up}
         self.header["camera"] = {key: np.asarray(value, float).tolist() for key, value in camera.items()}
 
@@ -82,7 +77,6 @@ class SpaceScene:
         Parameters
         ----------
         matrix : (4, 4) pose in the scene's axes
-        length : of an axis
         name : of the axes; "rtn" axes are labelled R, T, N
         """
         letters = ("R radial", "T along-track", "N cross-track") if name == "rtn" else [f"{name} {k}" for k in "xyz"]

@@ -159,9 +159,7 @@ def estimate_run(scenario: Scenario, frames: str, rate_hz: float) -> str:
 
     Parameters
     ----------
-    scenario : that is flown
     frames : which of its frames, as `rso-lidar run` takes them; empty for all
-    rate_hz : frames per second of earlier runs
 
     Raises
     ------

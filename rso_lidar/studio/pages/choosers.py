@@ -55,7 +55,6 @@ def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None
     Parameters
     ----------
     changes : values by their places; None removes one
-    dialog : which is closed if that is possible
     """
     with tell_errors():
         for place, value in changes.items():
@@ -70,8 +69,6 @@ def _draw_table(columns: Mapping[str, str], rows: list[dict[str, Any]], choose: 
     Parameters
     ----------
     columns : titles by their keys, of which one is `name`
-    rows : values by the keys of the columns
-    choose : called with the name of the chosen row
     """
     return ui.table(
         columns=[{"name": k, "field": k, "label": v, "align": "left", "sortable": True} for k, v in columns.items()],

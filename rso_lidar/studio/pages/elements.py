@@ -57,12 +57,7 @@ def draw_icon_button(icon: str, label: str, action: Callable[..., Any], name: st
 
 
 def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str) -> None:
-    """Draw a list of things to choose from.
-
-    Parameters
-    ----------
-    kind : begins the mark of each row
-    """
+    """Draw a list of things to choose from."""
     with ui.list().props("separator dense").classes("w-full"):
         for name, caption, action in rows:
             with mark(ui.item(on_click=action), f"{kind}-{name}"), ui.item_section():

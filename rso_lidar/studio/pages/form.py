@@ -28,8 +28,6 @@ class TableForm:
 
         Parameters
         ----------
-        tab : whose document it edits
-        cls, place : the part that fills the table, and its place
         skip : whether the inner table at a place has a form of its own elsewhere
         """
         self._tab, self._skip = tab, skip

@@ -11,7 +11,7 @@ from nicegui import run, ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.scenario import SHORTEST_EXAMPLE, find_examples
 from rso_lidar.studio.document import EditConflictError, list_documents
-from rso_lidar.studio.model.file_summary import KINDS, MESHES
+from rso_lidar.studio.model.file_summary import KINDS, MESHES, MOST_UPLOAD_BYTES, keep_upload
 from rso_lidar.studio.pages.choosers import choose_unit
 from rso_lidar.studio.pages.elements import (
     ask,
@@ -24,7 +24,6 @@ from rso_lidar.studio.pages.elements import (
 )
 from rso_lidar.studio.pages.guide import Guide
 from rso_lidar.studio.state import BrowserTab
-from rso_lidar.studio.upload import MOST_BYTES, keep_upload
 
 _PAGES = ("build", "see", "run")
 _SCHEMES = {None: "brightness_auto", True: "dark_mode", False: "light_mode"}
@@ -180,11 +179,11 @@ async def take_upload(tab: BrowserTab, event: Any) -> None:
 
 def _open_upload(tab: BrowserTab) -> None:
     """Open the dialog for uploads into the folder."""
-    most = f"at most {MOST_BYTES >> 20} MB"
+    most = f"at most {MOST_UPLOAD_BYTES >> 20} MB"
     with open_dialog("Upload into the folder") as dialog:
         ui.label(f"Meshes, element sets, tables, scenarios: {', '.join(KINDS)}; {most}.").classes("text-sm")
         ui.upload(
-            auto_upload=True, multiple=True, max_file_size=MOST_BYTES, on_upload=partial(take_upload, tab),
+            auto_upload=True, multiple=True, max_file_size=MOST_UPLOAD_BYTES, on_upload=partial(take_upload, tab),
             on_rejected=lambda: ui.notify(f"{most}, and the endings above", type="negative"),
         ).props(f"accept='{','.join(KINDS)}'")  # fmt: skip
         draw_button("Close", dialog.close, look="flat")

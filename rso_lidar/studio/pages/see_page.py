@@ -10,7 +10,9 @@ from functools import partial
 from typing import Any, TypeVar
 
 import fastapi
+import nicegui.elements.scene  # noqa: F401 - registers the module with three.js
 from nicegui import events, run, ui
+from nicegui.element import Element
 
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.mission_analysis import report_pixel
@@ -24,7 +26,6 @@ from rso_lidar.studio.model.space_scene import draw_cloud
 from rso_lidar.studio.model.text_assessment import describe
 from rso_lidar.studio.model.waveform_chart import make_waveform_chart
 from rso_lidar.studio.pages.elements import Slider, draw_button, draw_icon_button, mark
-from rso_lidar.studio.pages.space_view import SpaceView
 from rso_lidar.studio.state import BrowserTab, Workspace
 
 T = TypeVar("T")
@@ -316,3 +317,17 @@ class SeePage:
         self.chart.options.clear()
         self.chart.options.update(make_waveform_chart(report.curves, report.instants_ns, report.note, self.scheme))
         self.chart.update()
+
+
+class SpaceView(Element, component="space_view.js"):
+    """A view of the scene at an address; it changes when the address does."""
+
+    def __init__(self, label: str, models: str) -> None:
+        """Make an empty view; `label` names it to screen readers, and `models` begins the addresses of meshes."""
+        super().__init__()
+        self._props["label"], self._props["models"], self._props["url"] = label, models, ""
+
+    def show(self, url: str) -> None:
+        """Show the scene at an address."""
+        self._props["url"] = url
+        self.update()

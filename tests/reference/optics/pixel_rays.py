@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 
-from rso_lidar.optics.rays.beam_edge import clip_to_beam
 from rso_lidar.optics.rays.cells import Outlines, boxes_in_cells, outlines_in_cells, tangents_of_cells
 from rso_lidar.optics.rays.coverage import BEYOND, FINEST, SLACK, STEP
+from rso_lidar.optics.rays.pixel_rays import clip_to_beam
 from rso_lidar.records import Rays
 
 

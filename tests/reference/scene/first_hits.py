@@ -22,7 +22,7 @@ def reference_casting() -> Iterator[None]:
     """Have `scene.cast` find hits and shadows by the reference inside."""
     with (
         mock.patch("rso_lidar.scene.casting.cast.find_first_hits", find_first_hits),
-        mock.patch("rso_lidar.scene.casting.illumination.find_shadowed", find_shadowed),
+        mock.patch("rso_lidar.scene.casting.cast.find_shadowed", find_shadowed),
     ):
         yield
 

@@ -1,4 +1,4 @@
-"""The side of a facet that a ray meets, in NumPy: the oracle of `rso_lidar.scene.bounces.openings.mark_open`."""
+"""The side of a facet that a ray meets, in NumPy: the oracle of `rso_lidar.scene.bounces.bounce.mark_open`."""
 
 import numpy as np
 

@@ -24,8 +24,8 @@ from rso_lidar.scene import (
     own_models,
     remove_model,
 )
-from rso_lidar.scene.library.group_materials import materials_of
 from rso_lidar.scene.library.mesh_units import known_meshes
+from rso_lidar.scene.library.model_index import materials_of
 from rso_lidar.scene.meshes.cad import tessellate
 from tests.scene.meshes.test_mesh import BOX, binary_stl, glb, obj
 

@@ -7,10 +7,9 @@ import pytest
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.shipped import shipped
-from rso_lidar.studio import upload as module
-from rso_lidar.studio.model.file_summary import KINDS
+from rso_lidar.studio.model import file_summary as module
+from rso_lidar.studio.model.file_summary import KINDS, MOST_UPLOAD_BYTES, keep_upload
 from rso_lidar.studio.model.root_folder import Folder
-from rso_lidar.studio.upload import MOST_BYTES, keep_upload
 
 OBJECT = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
@@ -97,7 +96,7 @@ def test_no_file_is_written_over(folder):
 
 def test_large_files_are_refused(folder):
     with pytest.raises(ScenarioError, match="64 MB"):
-        keep_upload(folder, "a.txt", bytes(MOST_BYTES + 1))
+        keep_upload(folder, "a.txt", bytes(MOST_UPLOAD_BYTES + 1))
     assert list_names(folder) == []
 
 

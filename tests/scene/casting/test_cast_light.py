@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rso_lidar.scene.casting import illumination
+from rso_lidar.scene.casting import cast
 from rso_lidar.scene.materials.crinkle import masking_shadowing
 
 RHO_PER_SR = 0.4 / math.pi
@@ -19,7 +19,7 @@ def unit(zenith_deg, azimuth_deg):
 
 def test_a_cell_lit_from_beside_the_lens_counts_by_its_areas_and_what_its_neighbours_leave(monkeypatch):
     """cos θᵢ' cos θₒ' / (cos θᵢ cos θₒ cos τ) and the shared mask of two directions 80 degrees apart in azimuth."""
-    monkeypatch.setattr(illumination, "find_shadowed", lambda hits, *_: np.zeros(len(hits.facet), bool))
+    monkeypatch.setattr(cast, "find_shadowed", lambda hits, *_: np.zeros(len(hits.facet), bool))
     up, cell, light, viewer = np.array([0.0, 0.0, 1.0]), unit(20.0, 65.0), unit(50.0, 100.0), unit(65.0, 20.0)
     area = (cell @ viewer) / (viewer[2] * math.cos(math.radians(20.0)))
     point = np.array([0.3, -0.2, 0.0])
@@ -39,7 +39,7 @@ def test_a_cell_lit_from_beside_the_lens_counts_by_its_areas_and_what_its_neighb
         surface=SimpleNamespace(is_retro=np.array([False]), brdf_per_sr=lambda facet, *_: np.full(1, RHO_PER_SR)),
     )
     laser_from_m = 4.0 * light - 7.0 * viewer
-    cos_in, brdf = illumination.compute_laser_light(hits, laser_from_m)
+    cos_in, brdf = cast._compute_laser_light(hits, laser_from_m)
     seen = area * (cell @ light) / light[2] * masking_shadowing(light[2], viewer[2], light @ viewer, 0.35)
     assert cos_in == pytest.approx([light[2]], rel=1e-12)
     assert brdf == pytest.approx([RHO_PER_SR * seen], rel=1e-12)

@@ -5,7 +5,7 @@ import socket
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.loop.live.page_origins import HandshakeCheck, parse_origin
+from rso_lidar.loop.live.live_view import HandshakeCheck, parse_origin
 
 HANDSHAKE = (
     "GET / HTTP/1.1\r\nHost: 127.0.0.1:8765\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n{origin}"

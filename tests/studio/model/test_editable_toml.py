@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("tomlkit", reason="edits need tomlkit, of the extra studio")
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.studio.model.toml_edits import remove_value, set_value
+from rso_lidar.studio.model.editable_toml import set_value
 
 TEXT = """# head
 name = "a"  # title
@@ -50,7 +50,7 @@ def test_only_the_place_changes(place, value):
 
 @pytest.mark.parametrize("place", ["name", "time.duration_s", "time", "target[0]", "target[0].motion", "target"])
 def test_what_is_removed_is_gone_and_the_rest_stays(place):
-    left = tomllib.loads(remove_value(TEXT, place))
+    left = tomllib.loads(set_value(TEXT, place, None))
     assert ("target" in left) == (place not in ("target", "target[0]"))
     assert ("time" in left) == (place != "time")
     assert len(left) == 3 - (place in ("name", "time", "target", "target[0]"))
@@ -73,4 +73,4 @@ def test_what_cannot_be_placed_is_refused(text, place, value):
 
 def test_removing_what_is_not_there_is_refused():
     with pytest.raises(ScenarioError, match="no_such"):
-        remove_value(TEXT, "no_such")
+        set_value(TEXT, "no_such", None)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from rso_lidar.kernels import packed
-from rso_lidar.scene.bounces.openings import find_openings, mark_open
+from rso_lidar.scene.bounces.bounce import find_openings, mark_open
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
 from tests.reference.scene import openings as reference
 
