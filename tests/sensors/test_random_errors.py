@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar import sensors
-from rso_lidar.sensors.random_errors import NOISE, ErrorProcess, draw_errors, fill_normals, make_model
+from rso_lidar.sensors.random_errors import NOISE, ErrorProcess, draw_errors, draw_sample, fill_normals, make_model
 from tests.reference.sensors import random_errors as reference
 
 KEY = sensors.make_key(7, "gyro")
@@ -92,3 +92,14 @@ def test_each_seed_and_each_name_has_numbers_of_its_own(other):
     one, two = sensors.draw_normals(KEY, 0, 4000, 3), sensors.draw_normals(other, 0, 4000, 3)
     assert abs(np.mean(one * two)) < 5.0 / np.sqrt(one.size)
     np.testing.assert_array_equal(KEY, sensors.make_key(7, "gyro"))
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 4, 5, 8])
+def test_a_sample_writes_its_own_numbers_and_no_more(width):
+    """Blocks hold four numbers: the first ones do not depend on how many are asked for."""
+    key = np.array([3, 5], dtype=np.uint32)
+    whole, room = np.full(16, np.nan), np.full(16, np.nan)
+    draw_sample(key, 7, 2, whole)
+    draw_sample(key, 7, 2, room[:width])
+    np.testing.assert_array_equal(room[:width], whole[:width])
+    assert np.isnan(room[width:]).all() and np.isfinite(whole).all()

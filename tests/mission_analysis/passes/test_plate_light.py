@@ -108,6 +108,7 @@ def test_every_shipped_camera_gives_a_probability():
         ({"reflectance": 1.5}, "^reflectance: 1.5 is out of range; give more than 0 and at most 1$"),
         ({"flash_rate_hz": math.nan}, "^flash_rate: nan is out of range"),
         ({"side_m": True}, "^target_size: True is out of range"),
+        ({"side_m": "2"}, "^target_size: '2' is out of range"),
     ],
 )
 def test_values_without_meaning_are_refused(changed, message):
