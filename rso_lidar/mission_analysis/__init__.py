@@ -69,8 +69,6 @@ if TYPE_CHECKING:
     )
     from rso_lidar.mission_analysis.time_history.czml import (
         choose_globe_samples,
-    )
-    from rso_lidar.mission_analysis.time_history.globe import (
         write_globe,
     )
     from rso_lidar.mission_analysis.time_history.open_loop import (

@@ -39,9 +39,6 @@ if TYPE_CHECKING:
         place_hull,
         preview_mission,
     )
-    from rso_lidar.scenario.preview.orientations import (
-        spread_attitudes,
-    )
     from rso_lidar.scenario.preview.returns import (
         cast_surfaces,
     )
@@ -50,6 +47,7 @@ if TYPE_CHECKING:
         find_probability,
         list_run_attitudes,
         move_target,
+        spread_attitudes,
     )
     from rso_lidar.scenario.scenario import (
         Scenario,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rso_lidar.dataset.publication.attribution import Attribution
 from rso_lidar.dataset.publication.card_tables import (
+    FrameCounts,
     format_table,
     list_arrays,
     list_counts,
@@ -17,7 +18,6 @@ from rso_lidar.dataset.publication.card_tables import (
     list_sensors,
 )
 from rso_lidar.dataset.publication.card_text import CARD, LIMITS, PAPER, cite, describe_dataset
-from rso_lidar.dataset.publication.frame_counts import FrameCounts
 from rso_lidar.dataset.specification.tables import ModelSplit, RandomSplit
 from rso_lidar.files import write_text
 

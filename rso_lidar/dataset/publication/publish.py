@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.dataset.publication.attribution import CROISSANT, Attribution, read_attribution
+from rso_lidar.dataset.publication.card_tables import count_frames
 from rso_lidar.dataset.publication.card_text import CARD
 from rso_lidar.dataset.publication.croissant import write_croissant
 from rso_lidar.dataset.publication.dataset_card import write_card
-from rso_lidar.dataset.publication.frame_counts import count_frames
 from rso_lidar.dataset.publication.frame_index import INDEX, has_parquet, write_frame_index
 from rso_lidar.dataset.publication.label_images import save_label_images
 from rso_lidar.dataset.reading.random_access import Dataset

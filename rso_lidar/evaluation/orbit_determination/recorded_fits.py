@@ -22,10 +22,9 @@ from rso_lidar.evaluation.orbit_determination.recorded_measurements import (
     read_gnss,
     read_gnss_errors,
 )
-from rso_lidar.evaluation.recorded_runs.flown_scenario import find_target, load_scenario, load_surfaces
-from rso_lidar.evaluation.track_quality.burns import list_known_burns
+from rso_lidar.evaluation.recorded_runs.flown_scenario import find_target, load_scenario, load_surfaces, sample_target
+from rso_lidar.evaluation.track_quality.own_knowledge import list_known_burns
 from rso_lidar.evaluation.track_quality.range_noise import estimate_range_noise_m
-from rso_lidar.evaluation.track_quality.target_mesh import sample_target
 from rso_lidar.orbit import Forces
 from rso_lidar.records import Frame, GnssSamples
 from rso_lidar.scenario import Scenario, list_lunar_bodies

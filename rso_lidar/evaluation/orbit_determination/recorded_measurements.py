@@ -14,7 +14,7 @@ from rso_lidar.evaluation.orbit_determination.attitude_history import (
     read_star_tracker,
     take_known_attitude,
 )
-from rso_lidar.evaluation.track_quality.lidar_mount import find_measured_mount, find_pointing_error_rad
+from rso_lidar.evaluation.track_quality.own_knowledge import find_measured_mount, find_pointing_error_rad
 from rso_lidar.pose import skew
 from rso_lidar.records import Frame, GnssSamples, Observation, SensorSamples, StarTrackerSamples, join_samples
 from rso_lidar.scenario import Scenario

@@ -1,13 +1,16 @@
-"""The scenario of a recording, and the surfaces of its targets."""
+"""The scenario of a recording, and the surfaces of its targets, also as trackers use them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from rso_lidar.errors import RecordingError, did_you_mean, suppress_warnings
 from rso_lidar.records import Source
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene import Surface
+from rso_lidar.track import MeshHinge, SampledMesh, sample_mesh
 
 
 def load_scenario(source: Source, folder: Path | None = None) -> Scenario:
@@ -75,3 +78,27 @@ def find_target(source: Source, target: str | None, asked_by: str) -> int:
             f"{asked_by}: no target named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
         )
     return 0 if target is None else names.index(target)
+
+
+def sample_target(scenario: Scenario, number: int = 0, *, hinged: bool = True) -> SampledMesh:
+    """Sample the mesh of a target for ICP.
+
+    Parameters
+    ----------
+    scenario : with the target
+    number : index of the target
+    hinged : whether its hinges may turn; otherwise it is a rigid mesh with all of them at zero
+
+    Returns
+    -------
+    points of the mesh with all hinges at zero.
+    """
+    corners, joints = scenario.corners_of(number), scenario.target[number].joints
+    if not (hinged and joints):
+        return sample_mesh(corners)
+    counts = [len(surface.corners) for surface in scenario.surfaces_of(number)]  # of the body, then of each hinge
+    return sample_mesh(
+        corners,
+        hinges=[MeshHinge(joint.name, joint.position_m, joint.axis) for joint in joints],
+        hinge_of_facet=np.repeat(np.arange(-1, len(joints)), counts),
+    )

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch
+from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch, describe_facing
 from rso_lidar.mission_analysis.budgets.body import choose_body
-from rso_lidar.mission_analysis.budgets.facing_attitudes import describe_facing
 from rso_lidar.mission_analysis.budgets.finding_figure import finding_figure
 from rso_lidar.mission_analysis.budgets.inputs import select_camera
 from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M

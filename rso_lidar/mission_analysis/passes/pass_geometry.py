@@ -11,7 +11,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector import find_photons
-from rso_lidar.mission_analysis.budgets.link_budget import filled_pixel_photons
+from rso_lidar.mission_analysis.budgets.pixel_light import filled_pixel_photons
 from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M, ExclusionAngles, check_constraints
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight, tabulate_light
 from rso_lidar.orbit import (

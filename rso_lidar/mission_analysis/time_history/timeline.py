@@ -14,7 +14,7 @@ import numpy as np
 
 from rso_lidar import motion
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.mission_analysis.budgets.link_budget import filled_pixel_photons
+from rso_lidar.mission_analysis.budgets.pixel_light import filled_pixel_photons
 from rso_lidar.mission_analysis.time_history.open_loop import find_umbras, fly_open_loop, format_utc
 from rso_lidar.mission_analysis.time_history.opportunities import DetectionOpportunity, find_opportunities
 from rso_lidar.mission_analysis.time_history.sky_light import tabulate_sky

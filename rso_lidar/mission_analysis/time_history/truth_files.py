@@ -10,8 +10,7 @@ import numpy as np
 from rso_lidar import orbit, picture
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_columns
-from rso_lidar.mission_analysis.time_history.czml import choose_globe_samples
-from rso_lidar.mission_analysis.time_history.globe import write_globe
+from rso_lidar.mission_analysis.time_history.czml import choose_globe_samples, write_globe
 from rso_lidar.mission_analysis.time_history.open_loop import (
     find_mission_plan,
     find_umbras,
