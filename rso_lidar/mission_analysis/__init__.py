@@ -88,6 +88,7 @@ if TYPE_CHECKING:
         truth,
     )
     from rso_lidar.mission_analysis.time_history.truth_files import (
+        TRUTH_FIGURES,
         check_truth_output,
         draw_trajectory,
         save_truth,
@@ -97,6 +98,7 @@ else:
 
 __all__ = [
     "SYSML_MISSION",
+    "TRUTH_FIGURES",
     "Budget",
     "BudgetCurve",
     "ConjunctionAssessment",

@@ -111,13 +111,17 @@ class DatasetPlan:
         scenario = Scenario.from_tables(tables, folder=self.folder, where=self.where, trust_code=self.trust_code)
         return scenario.with_trusted_fmus() if self.trust_fmu else scenario
 
+    def copy_tables(self, sensor: int) -> dict[str, Any]:
+        """Return a copy of the tables with the settings of a sensor, by its number."""
+        tables = copy.deepcopy(self.tables)
+        for setting in self.spec.sensor[sensor].set if self.spec.sensor else ():
+            apply_setting(tables, setting)
+        return tables
+
     @cached_property
     def image_shape(self) -> tuple[int, int]:
         """Rows and columns of the images: those of the first sensor."""
-        tables = copy.deepcopy(self.tables)
-        for setting in self.spec.sensor[0].set if self.spec.sensor else ():
-            apply_setting(tables, setting)
-        receiver = self.build(tables).lidar.receiver
+        receiver = self.build(self.copy_tables(0)).lidar.receiver
         return receiver.n_rows, receiver.n_cols
 
     @cached_property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ _OF_ANY_MODEL = ("name", "motion", "attitude", "material", "axes")  # fields of 
 _AROUND = UniformDirection()
 _LAST_SHARE = 1.0 - 2.0**-53  # greatest random number that can be drawn
 _MOST_CHOICES = 100  # values of a law `choice` that a check tries, at most: each builds a scenario
+_halton = lru_cache(maxsize=256)(HaltonPoints)  # one sequence for each class
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class _Draws:
         self._spec, self._group, self._number = spec, spec.classes[k].name, number
         self.values: dict[str, Any] = {}
         self._left = np.zeros(0)
-        if spec.sampling == "halton" and (dimensions := _count_dimensions(spec, k)):
+        if spec.sampling == "halton" and (dimensions := sum(law.dimensions for law in _list_laws(spec, k))):
             self._left = _halton(spec.seed, self._group, dimensions).at(number)
 
     def draw(self, variable: str, law: Any) -> Any:
@@ -74,30 +74,18 @@ class _Draws:
         return value
 
 
-@lru_cache(maxsize=256)
-def _halton(seed: int, group: str, dimensions: int) -> HaltonPoints:
-    """Return the Halton points of a class."""
-    return HaltonPoints(seed, group, dimensions)
-
-
 def _list_laws(spec: DatasetSpec, k: int) -> list[Any]:
     """List the laws that apply to a class, in the order in which they are drawn."""
     laws: list[Any] = []
     if (fragments := spec.classes[k].fragments) is not None:
         laws += [fragments.characteristic_length_m, fragments.seed]
-    laws += [
-        variable.law for variable in spec.variable if not variable.classes or spec.classes[k].name in variable.classes
-    ]
+    laws += [variable.law for variable in spec.variables_of(spec.classes[k])]
     if (view := spec.view) is not None and not spec.classes[k].empty:
         laws += [view.range_m, view.offset_fraction, view.attitude]
         laws += [] if view.spin_deg_s is None else [view.spin_deg_s, _AROUND]
     if view is not None and view.sun is not None:
         laws.append(view.sun)
     return laws
-
-
-def _count_dimensions(spec: DatasetSpec, k: int) -> int:
-    return sum(law.dimensions for law in _list_laws(spec, k))
 
 
 def list_ends(spec: DatasetSpec, k: int) -> list[dict[str, float]]:
@@ -108,11 +96,10 @@ def list_ends(spec: DatasetSpec, k: int) -> list[dict[str, float]]:
     k : index of the class
     """
     ends = []
-    for variable in spec.variable:
-        if not variable.classes or spec.classes[k].name in variable.classes:
-            count = len(variable.law.values) if isinstance(variable.law, Choice) and not variable.law.weights else 1
-            places = [(place + 0.5) / count for place in range(min(count, _MOST_CHOICES))] if count > 1 else []
-            ends += [{variable.field: share} for share in (0.0, *places, _LAST_SHARE)]
+    for variable in spec.variables_of(spec.classes[k]):
+        count = len(variable.law.values) if isinstance(variable.law, Choice) and not variable.law.weights else 1
+        places = [(place + 0.5) / count for place in range(min(count, _MOST_CHOICES))] if count > 1 else []
+        ends += [{variable.field: share} for share in (0.0, *places, _LAST_SHARE)]
     return ends
 
 
@@ -135,14 +122,12 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
     name = None if target_class.empty else plan.class_models[k][int(plan.choose_model(k, at)[0])]
     sensor = int(plan.choose_sensor(k, at)[0])
     draws = _Draws(spec, k, number, forced)
-    tables = copy.deepcopy(plan.tables)
     with add_place(f"{spec.where}: sample {index} (class '{target_class.name}')"):
-        for setting in spec.sensor[sensor].set if spec.sensor else ():
-            apply_setting(tables, setting)
+        tables = plan.copy_tables(sensor)
         _choose_target(tables, plan, name, target_class, draws)
         for setting in target_class.set:  # of the model that was chosen
             apply_setting(tables, setting)
-        applied = [drawn for drawn in spec.variable if not drawn.classes or target_class.name in drawn.classes]
+        applied = spec.variables_of(target_class)
         for drawn in applied:
             if drawn.field in draws.values:
                 raise DatasetError(

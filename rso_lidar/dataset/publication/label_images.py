@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture import Window, colour_maps, figures, palette, save_figure
+from rso_lidar.picture import Window, colour_maps, figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,19 +22,6 @@ _TITLES = {
 }
 _RAMPS = {"range_m": colour_maps.RANGE_RAMP, "intensity_counts": colour_maps.INTENSITY_RAMP}
 _PANELS = 4
-
-
-def save_label_images(
-    path: Path, images: Mapping[str, np.ndarray], part_classes: Sequence[str], title: str, note: str
-) -> Path:
-    """Draw `label_figure` and write it by the suffix of a path; return the path.
-
-    Parameters
-    ----------
-    path : of the picture; an existing file is replaced
-    images, part_classes, title, note : as of `label_figure`
-    """
-    return save_figure(label_figure(images, part_classes, title, note), path)
 
 
 def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], title: str, note: str) -> Figure:

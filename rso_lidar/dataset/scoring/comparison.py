@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -51,7 +52,12 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Comparison of two scorecards: the changes, and the frames whose predicted class became wrong or right."""
+    """Comparison of two scorecards: the changes, and the frames whose predicted class became wrong or right.
+
+    `LEVEL` is the default of `level`, the probability of any wrong "worse".
+    """
+
+    LEVEL: ClassVar[float] = 0.05
 
     new: Scorecard
     old: Scorecard
@@ -67,7 +73,7 @@ class Comparison:
 
 
 def compare(
-    new: Scorecard, old: Scorecard, margins: Mapping[str, float] | None = None, level: float = 0.05
+    new: Scorecard, old: Scorecard, margins: Mapping[str, float] | None = None, level: float = Comparison.LEVEL
 ) -> Comparison:
     """Compare two algorithms on the same frames.
 

@@ -90,6 +90,15 @@ class DatasetSpec(FilePart):
 
         return tomli_w.dumps(self.model_dump(exclude_none=True))
 
+    def variables_of(self, target_class: ClassOfTargets) -> list[DrawnField]:
+        """Return the variables that are drawn for a class.
+
+        Parameters
+        ----------
+        target_class : one of `classes`
+        """
+        return [drawn for drawn in self.variable if not drawn.classes or target_class.name in drawn.classes]
+
     @property
     def n_samples(self) -> int:
         """Number of samples of all classes."""

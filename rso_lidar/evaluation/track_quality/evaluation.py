@@ -23,7 +23,7 @@ from rso_lidar.evaluation.track_quality.own_knowledge import (
 from rso_lidar.evaluation.track_quality.range_noise import estimate_range_noise_m
 from rso_lidar.evaluation.track_quality.tracking_figure import TRACKED_QUANTITIES, tracking_figure
 from rso_lidar.orbit import elements_from_state
-from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
+from rso_lidar.picture import SavedResult
 from rso_lidar.pose import ROOT, cross, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import Frame, Truth
 from rso_lidar.scenario import Scenario, list_lunar_bodies
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Tracking:
+class Tracking(SavedResult):
     """Estimates and errors of the reference trackers: `table` holds columns (time) by name, with units in the names.
 
     `tracks` are the filters: ``cv`` in axes that do not rotate and, in orbit, ``cw`` in the follower's rtn axes, both with
@@ -78,24 +78,8 @@ class Tracking:
         note = f"range noise {self.range_noise_m:.3g} m, process noise {self.acceleration_m_s2_sqrt_hz:g} m/s²/√Hz"
         return tracking_figure(self.table, tuple(self.tracks), self.target, self.title, note)
 
-    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
-        """Write the table or the picture; an existing file is replaced.
-
-        Parameters
-        ----------
-        path : of the output, .csv, .png, .pdf or .svg
-        scheme : of a picture, `LIGHT` or `DARK`
-
-        Returns
-        -------
-        Path
-
-        Raises
-        ------
-        RecordingError
-            For another suffix, or a path that cannot be written.
-        """
-        return save_figure_or_table(path, self.figure, self.table, scheme)
+    def _columns(self) -> dict[str, np.ndarray]:
+        return self.table
 
 
 def tracking(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,9 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch, describe_facing
 from rso_lidar.mission_analysis.budgets.body import choose_body
 from rso_lidar.mission_analysis.budgets.finding_figure import finding_figure
-from rso_lidar.mission_analysis.budgets.inputs import select_camera
+from rso_lidar.mission_analysis.budgets.inputs import GATED_TO_M, check_probability, select_camera
 from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M
-from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
+from rso_lidar.picture import SavedResult
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.scenario import Finding, Lidar, Scenario
 
@@ -26,11 +25,10 @@ _SURE = 0.995
 _WORST_PLACES = 32  # places in the pixel grid, of the curve of the worst attitude
 _WITHIN = 2e-3  # relative error of solved ranges
 _NEAREST = 2.0  # radii of the body: the least range
-_GATED_TO_M = 50_000.0
 
 
 @dataclass(frozen=True, eq=False)
-class FoundRange:
+class FoundRange(SavedResult):
     """How far a body is found with a wanted probability, over its attitudes and its places in the pixel grid.
 
     `range_m` and `found_probability` (range) are the curve over all attitudes, `worst_probability` (range) that of the
@@ -129,25 +127,8 @@ class FoundRange:
             small_print=self.notes,
         )
 
-    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
-        """Write the curve as a table or a picture; an existing file is replaced.
-
-        Parameters
-        ----------
-        path : of the output, .csv, .png, .pdf or .svg
-        scheme : of a picture, `LIGHT` or `DARK`
-
-        Returns
-        -------
-        Path
-
-        Raises
-        ------
-        RecordingError
-            For another suffix, or a path that cannot be written.
-        """
-        columns = ("range_m", "found_probability", "worst_probability")
-        return save_figure_or_table(path, self.figure, {name: getattr(self, name) for name in columns}, scheme)
+    def _columns(self) -> dict[str, np.ndarray]:
+        return {name: getattr(self, name) for name in ("range_m", "found_probability", "worst_probability")}
 
     def _best_range_m(self) -> float:
         return float(self.range_m[int(self.found_probability.argmax())])
@@ -197,8 +178,7 @@ def find_range(
     True
     """
     lidar, scenario, name = select_camera(camera)
-    if not 0.0 < float(probability) < 1.0:
-        raise ScenarioError(f"probability: {probability:g}: is never or always reached; give a number between 0 and 1")
+    probability = check_probability(probability)
     if not isinstance(attitudes, int) or isinstance(attitudes, bool) or not 1 <= attitudes <= 100_000:
         raise ScenarioError(
             f"attitudes: {attitudes}: is not a number of attitudes; give a whole number from 1 to 100000"
@@ -236,7 +216,7 @@ def find_range(
         camera=name,
         body=flown.target[number].name if flown is scenario else flown.target[number].shape,
         finding=finding,
-        probability=float(probability),
+        probability=probability,
         attitudes=attitudes,
         range_m=along_m,
         found_probability=found_probability,
@@ -261,7 +241,7 @@ def _choose_span_m(lidar: Lidar, given: Any, radius_m: float) -> tuple[float, fl
     """
     traits = lidar.detector.traits
     if given is None:
-        far_m = _GATED_TO_M if traits.is_gated else min(traits.sees_to_m, FARTHEST_M)
+        far_m = GATED_TO_M if traits.is_gated else min(traits.sees_to_m, FARTHEST_M)
         near_m = max(_NEAREST * radius_m, 0.0 if traits.is_gated else traits.sees_from_m, far_m * 1e-4)
         return near_m, max(far_m, 2.0 * near_m)
     ends = np.asarray(given, dtype=float).ravel()

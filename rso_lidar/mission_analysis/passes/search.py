@@ -64,7 +64,7 @@ def encounters(
     days: float,
     lidar: Lidar | None = None,
     lidar_name: str = "",
-    max_slew_deg_s: float = 2.0,
+    max_slew_deg_s: float = Encounters.MAX_SLEW_DEG_S,
     constraints: Constraints | None = None,
     sunlit: bool = False,
     min_duration_s: float = 0.0,

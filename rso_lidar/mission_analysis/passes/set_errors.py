@@ -95,12 +95,10 @@ class SetErrors:
             rows.append(
                 [span, f"{self.pairs[k]:,}", *("-" if math.isnan(value) else f"{value:,.0f}" for value in values)]
             )
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
         return "\n".join(
             [
                 f"{self.label}: differences between its own element sets by age, root mean square and 68 %, in rtn axes",
-                *lines,
+                *units.align_columns(rows, left=()),
                 "consistency, not accuracy: errors of both sets count, what all sets share does not, and manoeuvres count",
             ]
         )

@@ -19,7 +19,7 @@ import numpy as np
 
 from rso_lidar import orbit
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import write_atomically
+from rso_lidar.files import write_text
 from rso_lidar.orbit import itrs_from_gcrs
 from rso_lidar.pose import ROOT, quaternion_xyzw
 from rso_lidar.records import Truth
@@ -27,7 +27,7 @@ from rso_lidar.records import Truth
 MOST_SAMPLES = 2000
 DEGREE = 5  # of the interpolation between positions
 COLOURS = ((213, 94, 0), (0, 114, 178), (0, 158, 115), (204, 121, 167), (230, 159, 0))
-BEAM = (255, 122, 24)
+BEAM, GREY = (255, 122, 24), (160, 164, 172)
 UM = 6  # decimal places of metres
 NS = 9  # decimal places of seconds
 QUATERNION = 12  # decimal places
@@ -148,7 +148,7 @@ def build_packets(
         if body.itrs_from_body is not None:
             packet["orientation"] = _orientation(at_s, body.itrs_from_body[chosen], start_utc)
         packets.append(packet)
-    packets += [_line(f"{a}-{b}", a, b, span, (*_grey(), 160), 1) for a, b in lines]
+    packets += [_line(f"{a}-{b}", a, b, span, (*GREY, 160), 1) for a, b in lines]
     for beam in beams:
         tip = f"{beam.name} tip"
         position = _position(at_s, beam.tip_m[chosen], start_utc, degree=1)
@@ -159,11 +159,7 @@ def build_packets(
 
 def write_czml(path: str | os.PathLike[str], document: Sequence[dict[str, Any]]) -> Path:
     """Write a CZML file, completely or not at all, and return its path."""
-    place = Path(path)
-    text = json.dumps(document, allow_nan=False, separators=(",", ":"))
-    with write_atomically(place) as draft:
-        draft.write_text(text, encoding="utf-8")
-    return place
+    return write_text(path, json.dumps(document, allow_nan=False, separators=(",", ":")), overwrite=True)
 
 
 def _check_document(
@@ -197,10 +193,6 @@ def _check_document(
             )
     for name in {*(name for pair in lines for name in pair), *(beam.of for beam in beams)} - set(names):
         raise RecordingError(f"czml: a line ends at '{name}', which is not a body; known: {', '.join(names)}")
-
-
-def _grey() -> tuple[int, int, int]:
-    return (160, 164, 172)
 
 
 def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
@@ -303,13 +295,15 @@ def write_globe(
     RecordingError
         Without a body, or where positions are not finite.
     """
+    from scipy.spatial.transform import Rotation
+
     time_s = place.time_s
     fixed = itrs_from_gcrs(orbit.Epochs(start_utc, time_s))
     bodies = []
     for name, state in place.states.items():
         turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (time_s.size, 3, 3))
         itrs_from_body = np.einsum("kij,kjl->kil", fixed, turned)
-        bodies.append(CzmlBody(name, state.position_m, _to_quaternion(itrs_from_body)))
+        bodies.append(CzmlBody(name, state.position_m, quaternion_xyzw(Rotation.from_matrix(itrs_from_body))))
     beams = []
     if targets:
         nearest = np.min([np.linalg.norm(place.pose("lidar", name).translation, axis=-1) for name in targets], axis=0)
@@ -321,9 +315,3 @@ def write_globe(
     lines = [("follower", name) for name in targets]
     packets = build_packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
     return write_czml(path, packets)
-
-
-def _to_quaternion(matrix: np.ndarray) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    return quaternion_xyzw(Rotation.from_matrix(matrix))

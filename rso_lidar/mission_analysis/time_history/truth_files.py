@@ -12,6 +12,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_columns
 from rso_lidar.mission_analysis.time_history.czml import choose_globe_samples, write_globe
 from rso_lidar.mission_analysis.time_history.open_loop import (
+    choose_rows,
     find_mission_plan,
     find_umbras,
     fly_open_loop,
@@ -25,7 +26,7 @@ from rso_lidar.pose import ROOT
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
 
-_FIGURES = ("relative", "orbit", "angles", "ptu")
+TRUTH_FIGURES = ("relative", "orbit", "angles", "ptu")
 _SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")
 _STEPPED = ("angles", "ptu")  # figures that show where the PTU really points
 
@@ -70,9 +71,8 @@ def save_truth(
         world.
     """
     output = check_truth_output(path, figure=figure, overwrite=overwrite)
-    suffix, kind = output.suffix.lower(), figure or _FIGURES[0]
-    frames = np.arange(0, scenario.time.n_frames, _compute_stride(every_s, scenario))
-    frames = np.union1d(frames, scenario.time.n_frames - 1)  # the last frame too, so that a table covers the whole run
+    suffix, kind = output.suffix.lower(), figure or TRUTH_FIGURES[0]
+    frames = choose_rows(scenario, every_s)
     if suffix in FIGURE_SUFFIXES:
         return picture.save_figure(_draw_figure(scenario, kind, body, frames), output, scheme=scheme)
     if suffix == ".csv":
@@ -113,24 +113,10 @@ def check_truth_output(path: str | Path, *, figure: str | None = None, overwrite
         return output
     if output.suffix.lower() not in FIGURE_SUFFIXES:
         raise ScenarioError(f"figure {figure}: is for pictures; end the output with .png, or leave it out")
-    if figure not in _FIGURES:
-        guess = did_you_mean(figure, _FIGURES)
-        raise ScenarioError(f"figure {figure}: no such picture{guess} (known: {', '.join(_FIGURES)})")
+    if figure not in TRUTH_FIGURES:
+        guess = did_you_mean(figure, TRUTH_FIGURES)
+        raise ScenarioError(f"figure {figure}: no such picture{guess} (known: {', '.join(TRUTH_FIGURES)})")
     return output
-
-
-def _compute_stride(every_s: float | None, scenario: Scenario) -> int:
-    """Compute the number of frames between two rows."""
-    if every_s is None:
-        return 1
-    if not 0.0 < every_s < np.inf:
-        raise ScenarioError(f"every {every_s:g}: needs seconds above 0")
-    step_s = 1.0 / scenario.time.frame_rate_hz
-    if every_s < step_s * (1.0 - 1e-9):
-        raise ScenarioError(
-            f"every {every_s:g}: frames are {step_s:g} s apart; give at least that, or --set time.frame_rate_hz"
-        )
-    return round(every_s / step_s)
 
 
 def _check_name(name: str, known: list[str]) -> str:

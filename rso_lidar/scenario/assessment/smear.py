@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from rso_lidar import motion, units
@@ -26,13 +24,12 @@ def measure_smear(mission: Mission, preview: Preview) -> Smear:
     assert mission.exposure is not None
     poses = preview.truth.poses
     if mission.pan_tilt is not None and preview.pointing_lag_rad is None:  # then the preview has no rates of the PTU
-        world: dict[str, Any] = {"local": mission.is_local, "sun_direction": mission.world.sun_direction}
         with suppress_warnings():
             asked = [
                 motion.compute_demand(
                     mission.pan_tilt,
                     mission.bodies,
-                    motion.truth(mission.bodies, preview.epochs.shift(late_s), **world),
+                    motion.truth(mission.bodies, preview.epochs.shift(late_s), **mission.world.keywords),
                 )
                 for late_s in (0.0, _RATE_S)
             ]

@@ -48,11 +48,11 @@ class DispersedFlight:
         self.burns = [self._sum_burns(node) for node in range(len(self.node_s))]
         self.last = int(self.sample[-1])
         self.updates = {self.find_node(update.time_s): self.find_node(update.aim_s) for update in due}
-        self.root = _find_root(covariance)
+        self.root = find_root(covariance)
         self.target_root: np.ndarray | None = None
         if target_covariance is not None:
             assert flight.chief_m is not None
-            self.target_root = self.to_inertial(0, _find_root(target_covariance))
+            self.target_root = self.to_inertial(0, find_root(target_covariance))
             self.target_flow = DeviationFlow(self.node_s, flight.chief_m, flight.forces, flight.start_utc)
         self.transition = [self.flow.transition(node) for node in range(len(self.node_s) - 1)]
         self.gains = {now: self._find_gain(now, aim) for now, aim in self.updates.items()}
@@ -166,8 +166,8 @@ class DispersedFlight:
         return np.concatenate([position, velocity])
 
 
-def _find_root(covariance: np.ndarray) -> np.ndarray:
-    """Return a matrix (6, 6) whose product with its own transpose is a covariance."""
+def find_root(covariance: np.ndarray) -> np.ndarray:
+    """Return a matrix whose product with its own transpose is a covariance."""
     values, vectors = np.linalg.eigh(covariance)
     root: np.ndarray = vectors * np.sqrt(np.maximum(values, 0.0))
     return root

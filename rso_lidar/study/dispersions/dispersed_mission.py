@@ -14,8 +14,9 @@ import numpy as np
 
 from rso_lidar.confidence_intervals import clopper_pearson_bounds
 from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.files import check_writable, write_columns
 from rso_lidar.motion import get_chief_name
-from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
+from rso_lidar.picture import SavedResult
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.study.dispersions.dispersion_figure import dispersion_figure
@@ -38,7 +39,7 @@ _APART = 1.25  # ratio of standard deviations by linear covariance and by runs a
 
 
 @dataclass(frozen=True, eq=False)
-class DispersedMission:
+class DispersedMission(SavedResult):
     """Runs of a mission with errors.
 
     Parameters
@@ -156,20 +157,8 @@ class DispersedMission:
             self.tubes, self.table, self.target, self.title, self.keep_out_m, self.hard_body_radius_m
         )
 
-    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
-        """Write the table of runs, or the picture; an existing file is replaced.
-
-        Parameters
-        ----------
-        path : of the output, .csv, .png, .pdf or .svg
-        scheme : of a picture, `LIGHT` or `DARK`
-
-        Returns
-        -------
-        Path
-            of the file
-        """
-        return save_figure_or_table(path, self.figure, self.table, scheme)
+    def _columns(self) -> dict[str, np.ndarray]:
+        return self.table
 
     def save_tubes(self, path: str | Path) -> Path:
         """Write the table of spreads over time; an existing file is replaced.
@@ -182,8 +171,13 @@ class DispersedMission:
         -------
         Path
             of the file
+
+        Raises
+        ------
+        RecordingError
+            For another suffix, or a path that cannot be written.
         """
-        return save_figure_or_table(path, self.figure, self.tubes, LIGHT)
+        return write_columns(check_writable(path, (".csv",), overwrite=True), self.tubes)
 
 
 def nees_bounds(runs: int, share: float = _CONFIDENCE) -> tuple[float, float]:

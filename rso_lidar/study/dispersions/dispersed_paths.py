@@ -11,7 +11,6 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.rpo import FilterBank, NavigationErrors, apply_matrix
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
-from rso_lidar.study.dispersions.filter_nodes import find_burn_covariance
 from rso_lidar.study.dispersions.linear_dispersion import LinearDispersion, find_linear_dispersion, list_sources
 
 _Push = Callable[[int], np.ndarray]  # acceleration (3, run) [m/s2] at a stage of the integrator
@@ -124,7 +123,8 @@ class Disperser:
                     spent += np.sqrt(np.sum(command**2, axis=0))
                     carried = self._carry_out(command, errors) - planned
                     if bank is not None:
-                        covariance = find_burn_covariance(self.flight.thrusters, apply_matrix(axes, command))
+                        turned = apply_matrix(axes, command)
+                        covariance = self.flight.thrusters.find_covariance(turned[:, None] * turned[None])
                         bank.add_burn(apply_matrix(axes, change), covariance)
                 state[3:] += apply_matrix(axes, carried)
             for k in self._wanted.get(node, ()):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar.orbit import Epochs
-from rso_lidar.rpo import DeviationFlow, FilterBank, RelativeFilter, ScalarUpdate, Thrusters, find_clear_views
+from rso_lidar.rpo import DeviationFlow, FilterBank, RelativeFilter, ScalarUpdate, find_clear_views
 from rso_lidar.study.dispersions.nominal_flight import NominalFlight
 
 PER_SENSOR = 3  # standard normal numbers of a measurement
@@ -57,13 +57,3 @@ class FilterNodes:
                 own = numbers[PER_SENSOR * k : PER_SENSOR * (k + 1)]
                 updates += bank.observe(sensor, reference, true_m, own)
         return updates
-
-
-def find_burn_covariance(thrusters: Thrusters, command_m_s: np.ndarray) -> np.ndarray:
-    """Return the covariance (3, 3, run) of burns as a filter expects it [m2/s2].
-
-    Parameters
-    ----------
-    command_m_s : (3, run) commanded changes of velocity [m/s]
-    """
-    return thrusters.find_covariance(command_m_s[:, None] * command_m_s[None])

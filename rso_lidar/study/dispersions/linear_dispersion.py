@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.rpo import ORBIT_STATES, THRUST_STATES, FilterBank, NavigationErrors
-from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
+from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight, find_root
 
 SOURCES = ("start", "burns", "navigation")
 TARGET = "target"  # a further source, where the body approached has errors of its own
@@ -215,6 +215,4 @@ def _find_burn_root(flight: DispersedFlight, node: int, change: np.ndarray) -> n
     planned = flight.burns[node]
     mean = np.zeros(3) if planned is None else planned
     square = np.outer(mean, mean) + change @ change.T  # mean of the square of the command
-    values, vectors = np.linalg.eigh(flight.flight.thrusters.find_covariance(square))
-    root: np.ndarray = vectors * np.sqrt(np.maximum(values, 0.0))
-    return root
+    return find_root(flight.flight.thrusters.find_covariance(square))

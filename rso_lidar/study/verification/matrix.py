@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Literal
 
 from rso_lidar.files import check_writable, write_text
 from rso_lidar.study.verification.requirements_file import Requirement
+from rso_lidar.units import align_columns
 
 Verdict = Literal["met", "not met", "not shown"]
 _COLUMNS = (
@@ -96,14 +97,8 @@ class VerificationMatrix:
         )
         heads = ("id", "quantity", "bound", "value", "confidence bound", "margin", "verdict")
         rows = [heads, *(_format_row(result) for result in self.results)]
-        widths = [max(len(row[k]) for row in rows) for k in range(len(heads))]
         lines = [f"{self.name}: {self.subject}", f"{len(self.results)} requirements: {counts}", ""]
-        for row in rows:
-            cells = [
-                text.rjust(w) if k in (3, 5) else text.ljust(w)
-                for k, (text, w) in enumerate(zip(row, widths, strict=True))
-            ]
-            lines.append("  ".join(cells).rstrip())
+        lines += align_columns(rows, left=(0, 1, 2, 4, 6))
         notes = [f"{result.requirement.id}: {result.note}" for result in self.results if result.note]
         return "\n".join([*lines, *([""] if notes else []), *notes])
 
