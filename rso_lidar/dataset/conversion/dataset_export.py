@@ -100,12 +100,7 @@ def export_dataset(
 
 
 def _choose_splits(data: Dataset, splits: Sequence[str]) -> list[str]:
-    """Return the names of the splits to write, each once.
-
-    Parameters
-    ----------
-    splits : names; all if empty
-    """
+    """Return the names of the splits to write, each once; all if none is given."""
     chosen = list(dict.fromkeys(splits or data.splits))
     if not chosen:
         raise DatasetError(f"{data.folder}: holds no frames yet; make them with --resume")
@@ -115,13 +110,7 @@ def _choose_splits(data: Dataset, splits: Sequence[str]) -> list[str]:
 
 
 def _check_format(to: str, images: Sequence[str]) -> None:
-    """Check the name of a format, and that it takes a choice of arrays.
-
-    Parameters
-    ----------
-    to : name of the format
-    images : names of the chosen arrays
-    """
+    """Check the name of a format, and that it takes a choice of arrays."""
     if to == "matlab":
         raise DatasetError("matlab: reads the shards as they are; see examples/matlab/dataset_datastore.m")
     if to not in EXPORT_FORMATS:

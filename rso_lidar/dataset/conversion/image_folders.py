@@ -64,12 +64,7 @@ def _find_farthest_m(data: Dataset, splits: Sequence[str]) -> float:
 
 
 def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
-    """Write the images of one frame.
-
-    Parameters
-    ----------
-    step_mm : range of one grey level [mm]
-    """
+    """Write the images of one frame, with `step_mm` of range [mm] to a grey level."""
     levels = quantize_depth(
         frame.images["range_m"].astype(float), step_mm * MM
     )  # 0 for false alarms far behind all bodies
@@ -113,12 +108,7 @@ class CocoWriter:
             self._write(self._annotations, 1, entry)
 
     def _write(self, stream: TextIO, kind: int, entry: Mapping[str, Any]) -> None:
-        """Write one entry of a list.
-
-        Parameters
-        ----------
-        kind : 0 for images, 1 for annotations
-        """
+        """Write one entry of a list: kind 0 for images, 1 for annotations."""
         stream.write(f"{',' if self._counts[kind] else ''}\n{json.dumps(entry)}")
         self._counts[kind] += 1
 

@@ -48,13 +48,7 @@ class _Draws:
     """The values of one sample's variables, by their laws."""
 
     def __init__(self, spec: DatasetSpec, k: int, number: int, forced: Mapping[str, float]) -> None:
-        """Begin the draws of a sample.
-
-        Parameters
-        ----------
-        k, number : index of the class, and number of the sample in it
-        forced : numbers from 0 to below 1 by variable, in place of those that are drawn
-        """
+        """Begin the draws of a sample; `forced` are numbers from 0 to below 1 by variable, in place of drawn ones."""
         self._forced = forced
         self._spec, self._group, self._number = spec, spec.classes[k].name, number
         self.values: dict[str, Any] = {}
@@ -89,12 +83,7 @@ def _list_laws(spec: DatasetSpec, k: int) -> list[Any]:
 
 
 def list_ends(spec: DatasetSpec, k: int) -> list[dict[str, float]]:
-    """List arguments `forced` of `draw_sample` that reach both ends of each variable of a class, and each choice.
-
-    Parameters
-    ----------
-    k : index of the class
-    """
+    """List arguments `forced` of `draw_sample` that reach both ends of each variable of a class, and each choice."""
     ends = []
     for variable in spec.variables_of(spec.classes[k]):
         count = len(variable.law.values) if isinstance(variable.law, Choice) and not variable.law.weights else 1
@@ -167,12 +156,7 @@ def _check_shape(scenario: Scenario, plan: DatasetPlan) -> None:
 def _choose_target(
     tables: dict[str, Any], plan: DatasetPlan, name: str | None, target_class: ClassOfTargets, draws: _Draws
 ) -> None:
-    """Give the target of the scenario the model or the fragment of a sample, or leave it out.
-
-    Parameters
-    ----------
-    name : the model; None for no target
-    """
+    """Give the target of the scenario the model or the fragment of a sample, or leave it out."""
     targets = _find_targets(tables, plan)
     if name is None:
         del targets[plan.target_index]
@@ -182,12 +166,7 @@ def _choose_target(
 
 
 def _choose_shape(name: str, fragments: DrawnFragments | None, draws: _Draws, place: str) -> dict[str, Any]:
-    """Return the table of a body's shape: its model, or a fragment of drawn size and seed.
-
-    Parameters
-    ----------
-    fragments, draws : fragments that can be drawn, and the draws of the sample
-    """
+    """Return the table of a body's shape: its model, or a fragment of drawn size and seed."""
     kinds = {} if fragments is None else {name_fragments(kind): kind for kind in fragments.kinds}
     if fragments is None or name not in kinds:
         return {"model": name}
@@ -215,12 +194,7 @@ def _find_targets(tables: dict[str, Any], plan: DatasetPlan) -> list[dict[str, A
 def _place_view(
     tables: dict[str, Any], plan: DatasetPlan, view: RandomView, draws: _Draws, *, has_target: bool
 ) -> None:
-    """Place the target and the clutter of a sample in front of the lidar.
-
-    Parameters
-    ----------
-    has_target : whether the sample has a target
-    """
+    """Place the target and the clutter of a sample in front of the lidar."""
     if "ptu" in tables:
         raise DatasetError(
             "view: places the target before a lidar that does not turn; remove [ptu] from the scenario, or leave out [view]"
@@ -279,12 +253,7 @@ def _place(
 
 
 def _choose_frames(spec: DatasetSpec, scenario: Scenario, share: float) -> tuple[int, ...]:
-    """Return the numbers of a sample's frames in its scenario.
-
-    Parameters
-    ----------
-    share : uniform number from 0 to below 1, from which the first frame is drawn
-    """
+    """Return the numbers of a sample's frames in its scenario; the first is drawn from `share`, from 0 to below 1."""
     sequence, n_frames = spec.sequence, scenario.time.n_frames
     last = n_frames - 1 - (sequence.frames - 1) * sequence.stride
     start = sequence.start

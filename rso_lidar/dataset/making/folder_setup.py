@@ -72,12 +72,7 @@ def begin_folder(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
 
 
 def _check_joined(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
-    """Raise `DatasetError` for a folder that may not be continued.
-
-    Parameters
-    ----------
-    join : whether a folder that was begun before may be continued
-    """
+    """Raise `DatasetError` for a folder that may not be continued, or may not without `join`."""
     if read_constants(folder).sha256 != plan.sha256:
         raise DatasetError(
             f"{folder}: holds the dataset of another specification, or a file that it names has changed; name another folder"

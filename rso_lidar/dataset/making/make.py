@@ -96,13 +96,7 @@ def _make_shards(
     scheduler: str | None,
     on_shard: Callable[[int, int], None] | None,
 ) -> None:
-    """Make those of some shards that are not finished, and keep the record of each.
-
-    Parameters
-    ----------
-    chosen : numbers of the shards
-    workers, scheduler, on_shard : as in `make`
-    """
+    """Make those of some shards that are not finished, and keep the record of each."""
     finished = read_manifest(place, plan.sha256)
     left = [number for number in chosen if not _is_finished(plan, place, number, finished)]
     tell = on_shard or (lambda done, count: None)
@@ -174,12 +168,7 @@ def check_samples(plan: DatasetPlan) -> None:
 
 
 def _make_by_processes(plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers: int) -> Iterator[ShardRecord]:
-    """Make shards by worker processes, and yield the record of each when it is finished, in any order.
-
-    Parameters
-    ----------
-    workers : number of processes; 1 is this process
-    """
+    """Make shards by worker processes, and yield the record of each when it is finished, in any order."""
     count = min(workers, len(numbers))
     if count < 2:
         for number in numbers:

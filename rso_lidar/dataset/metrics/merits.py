@@ -78,12 +78,7 @@ def evaluate_all(statistics: Sequence[Statistic], encounters: EncounterIndex) ->
 def find_values(
     statistics: Sequence[Statistic], encounters: EncounterIndex, replicates: int, confidence: float
 ) -> tuple[Value, ...]:
-    """Evaluate statistics with their intervals.
-
-    Parameters
-    ----------
-    replicates : number of draws of the bootstrap
-    """
+    """Evaluate statistics with their intervals."""
     values = evaluate_all(statistics, encounters)
     drawn = iter(replicate([statistic for statistic in statistics if statistic.needs_draws], encounters, replicates))
     empty = np.empty(0)

@@ -23,12 +23,7 @@ class EncounterIndex:
     """
 
     def __init__(self, sample: np.ndarray) -> None:
-        """Number the encounters of frames.
-
-        Parameters
-        ----------
-        sample : (frame) identity of the encounter of each frame
-        """
+        """Number the encounters of frames, by the identity (frame) of the encounter of each."""
         values, self.index = np.unique(np.asarray(sample), return_inverse=True)
         self.count = len(values)
         self._kept: dict[tuple[int, int], np.ndarray] = {}

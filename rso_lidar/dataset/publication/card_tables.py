@@ -29,11 +29,6 @@ _MARK = "assumed"  # in the description of a field: its default has no source
 def format_table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     r"""Format a table in Markdown.
 
-    Parameters
-    ----------
-    heads : of the columns
-    rows : cells of each row, of any type
-
     >>> print(format_table(["a", "b"], [[1, "x|y"]]))
     | a | b |
     | --- | --- |

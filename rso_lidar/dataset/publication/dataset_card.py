@@ -65,12 +65,7 @@ def choose_size(frames: int) -> str:
 
 
 def _write_head(data: Dataset, counts: FrameCounts, attribution: Attribution) -> str:
-    """Return the YAML head of the card. Texts are written as in JSON, which YAML reads.
-
-    Parameters
-    ----------
-    data, counts, attribution : as of `write_card`
-    """
+    """Return the YAML head of the card. Texts are written as in JSON, which YAML reads."""
     lines = [
         "---",
         f"pretty_name: {json.dumps(data.spec.name, ensure_ascii=False)}",

@@ -30,10 +30,6 @@ def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], 
     Parameters
     ----------
     images : arrays (row, col) of the reading and labels by name, with ``part_class_id``, -1 for sky
-
-    Returns
-    -------
-    Figure
     """
     on_target = images["part_class_id"] >= 0
     window = Window.about(on_target)
@@ -89,12 +85,7 @@ def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarra
 
 
 def _draw_classes(axes: Axes, classes: np.ndarray, names: Sequence[str], window: Window) -> None:
-    """Draw the part classes of pixels, with a legend of those that are there.
-
-    Parameters
-    ----------
-    classes : (row, col) numbers, -1 for sky
-    """
+    """Draw the part classes (row, col) of pixels, -1 for sky, with a legend of those that are there."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 

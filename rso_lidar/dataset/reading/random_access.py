@@ -272,13 +272,7 @@ class Split:
         return arrays
 
     def _read(self, shard: int, name: str, row: Any) -> np.ndarray:
-        """Read entries of an array of a shard.
-
-        Parameters
-        ----------
-        shard, name : number of the shard, and name of the array
-        row : index or slice of frames
-        """
+        """Read entries of an array of a shard."""
         try:
             values: np.ndarray = self._array(shard, name)[row]
         except (OSError, KeyError, RuntimeError) as error:  # of data, and of the names in the file
@@ -286,13 +280,7 @@ class Split:
         return values
 
     def _describe_damage(self, shard: int, name: str, error: Exception) -> DatasetError:
-        """Return the error of an array that cannot be read.
-
-        Parameters
-        ----------
-        shard, name : number of the shard, and name of the array
-        error : of h5py
-        """
+        """Return the error of an array that cannot be read."""
         return DatasetError(
             f"{self.folder / self.records[shard].path}: {name} is damaged "
             f"({' '.join(str(error).split()):.120}); delete the shard and make again with --resume"

@@ -243,13 +243,7 @@ def _subtract(new: np.ndarray, old: np.ndarray) -> np.ndarray:
 
 
 def _average_runs(drawn: np.ndarray, side: int) -> np.ndarray:
-    """Return replicates (merit, replicate) of the mean over runs; where there are several, runs are drawn too.
-
-    Parameters
-    ----------
-    drawn : (run, merit, replicate)
-    side : 0 or 1; the two sides draw their runs apart
-    """
+    """Return replicates (merit, replicate) of the mean over runs (run, merit, replicate), drawn too where several."""
     count = len(drawn)
     if count == 1:
         only: np.ndarray = drawn[0]

@@ -24,13 +24,7 @@ class PartCounts:
     """Pixels of each part class that were predicted, there, and both, frame by frame."""
 
     def __init__(self, frames: int, part_classes: Sequence[str]) -> None:
-        """Start with no frame counted.
-
-        Parameters
-        ----------
-        frames : number of frames
-        part_classes : names of the common part classes
-        """
+        """Start with no frame counted."""
         self.part_classes = tuple(part_classes)
         size = (frames, len(self.part_classes))
         self.both, self.there, self.called = (np.zeros(size, np.int64) for _ in range(3))
@@ -61,10 +55,6 @@ def score_parts(truth: FrameTruth, counts: PartCounts, missing: np.ndarray) -> P
     ----------
     counts : of the pixels
     missing : (frame) frames without a prediction, whose pixels are all wrong
-
-    Returns
-    -------
-    PixelScores
     """
     all_of, asked = truth.encounters, counts.asked > 0
     union = counts.there + counts.called - counts.both
@@ -98,12 +88,7 @@ class RangeErrors:
     """Errors of ranges at a finer resolution, frame by frame."""
 
     def __init__(self, frames: int) -> None:
-        """Start with no frame counted.
-
-        Parameters
-        ----------
-        frames : number of frames
-        """
+        """Start with no frame counted."""
         self.square_m2, self.compared, self.there, self.false = (np.zeros(frames) for _ in range(4))
         self.photon_square, self.photon_scale = (np.zeros(frames) for _ in range(2))
         self.median_m = np.full(frames, np.nan)
@@ -144,10 +129,6 @@ def score_ranges(truth: FrameTruth, errors: RangeErrors) -> PixelScores:
     Parameters
     ----------
     errors : of the pixels
-
-    Returns
-    -------
-    PixelScores
     """
     all_of = truth.encounters
     union = errors.there + errors.false

@@ -113,10 +113,6 @@ def find_pose_errors(
     ----------
     position_m, quaternion_xyzw : (frame, 3) and (frame, 4) of the estimated lidar_from_target, NaN where missing
     symmetries : symmetry of each model, in the axes of the poses; None for none
-
-    Returns
-    -------
-    PoseErrors
     """
     from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -144,12 +140,7 @@ def find_pose_errors(
 
 
 def score_poses(truth: FrameTruth, errors: PoseErrors) -> PoseScores:
-    """Score the errors of poses.
-
-    Returns
-    -------
-    PoseScores
-    """
+    """Score the errors of poses."""
     all_of = truth.encounters
     asked = ~np.isnan(errors.translation_m)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -194,12 +185,7 @@ def score_poses(truth: FrameTruth, errors: PoseErrors) -> PoseScores:
 
 
 def _bin_medians(truth: FrameTruth, errors: PoseErrors, asked: np.ndarray) -> list[Bins]:
-    """Make median errors in bins of range and of lit pixels.
-
-    Parameters
-    ----------
-    asked : (frame) which frames count
-    """
+    """Make median errors of the asked frames (frame) in bins of range and of lit pixels."""
     binned = []
     for quantity, unit, values, edges in (
         ("range", "m", truth.range_to_target_m, find_even_edges(truth.range_to_target_m[asked], 8)),

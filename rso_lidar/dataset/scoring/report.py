@@ -226,13 +226,7 @@ def describe(card: Scorecard, comparison: Comparison | None = None) -> dict[str,
 
 
 def write_html(card: Scorecard, comparison: Comparison | None = None, scheme: Scheme = LIGHT) -> str:
-    """Return a report as one HTML page with embedded pictures, without network access and scripts.
-
-    Parameters
-    ----------
-    comparison : with another algorithm, if any
-    scheme : of the page, `LIGHT` or `DARK`
-    """
+    """Return a report as one HTML page with embedded pictures, without network access and scripts."""
     names = ", ".join(run.name for run in card.runs)
     body = [f"<h1>Scores of {escape(names)}</h1>", f'<p class="quiet">{escape(describe_frames(card))}</p>']
     if comparison is not None:
@@ -332,26 +326,14 @@ def _plain(value: Any) -> Any:
 
 
 def _format_number(value: float, sign: bool = False, digits: int = 4) -> str:
-    """Format a number.
-
-    Parameters
-    ----------
-    value : the number; a hyphen for NaN
-    sign : whether a plus is written
-    """
+    """Format a number; a hyphen for NaN."""
     if np.isnan(value):
         return "-"
     return f"{value:{'+' if sign else ''}.{digits}g}" if abs(value) < 1e4 or np.isinf(value) else f"{value:,.0f}"
 
 
 def _format_pair(low: float, high: float, sign: bool = False) -> str:
-    """Format the ends of an interval.
-
-    Parameters
-    ----------
-    low, high : the ends; a hyphen for NaN
-    sign : whether a plus is written
-    """
+    """Format the ends of an interval; a hyphen for NaN."""
     if np.isnan(low):
         return "-"
     return f"{_format_number(low, sign)} to {_format_number(high, sign)}"

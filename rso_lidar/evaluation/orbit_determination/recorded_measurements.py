@@ -38,12 +38,7 @@ class TargetFixes:
 
 
 def find_sensor(scenario: Scenario, kind: type[_Sensor], name: str | None, asked_by: str) -> _Sensor | None:
-    """Find a sensor of a scenario by its kind; None where there is none.
-
-    Parameters
-    ----------
-    name : of the sensor (None: the first of its kind)
-    """
+    """Find a sensor of a scenario by its kind and name (None: the first of its kind); None where there is none."""
     known = {part.name: part for part in scenario.sensor if isinstance(part, kind)}
     if name is not None and name not in known:
         listed = ", ".join(known) or "none"

@@ -222,13 +222,7 @@ def has_display() -> bool:
 
 
 def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> ViewerChoice:
-    """Choose the way that writes one file, by its suffix, or raise `RecordingError`.
-
-    Parameters
-    ----------
-    tool : the tool that writes it, if asked for
-    overwrite : whether an existing file is replaced
-    """
+    """Choose the way that writes one file, by its suffix, or raise `RecordingError`."""
     known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
     if tool == "window":
         raise RecordingError(f"{output}: a window writes no file; omit the name, or choose rerun or files")
@@ -240,12 +234,7 @@ def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> Vie
 
 
 def _choose_files_beside(tool: str, why: str, recording: Path | None, *, overwrite: bool) -> ViewerChoice:
-    """Choose files beside a recording, or raise `RecordingError`.
-
-    Parameters
-    ----------
-    overwrite : whether existing files are replaced
-    """
+    """Choose files beside a recording, or raise `RecordingError`."""
     if recording is None:
         raise RecordingError(f"view: {why or 'files'}: these frames have no file to write beside; give output")
     names = (_SCENE,) if tool == "rerun" else _BESIDE

@@ -38,10 +38,6 @@ def load_scenario(source: Source, folder: Path | None = None) -> Scenario:
 def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str) -> tuple[Surface, ...]:
     """Load the surfaces of one target, that of its body first, if its mesh is the recorded one.
 
-    Parameters
-    ----------
-    number : index of the target
-
     Raises
     ------
     RecordingError
@@ -59,11 +55,7 @@ def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str
 
 
 def find_target(source: Source, target: str | None, asked_by: str) -> int:
-    """Find the index of a target.
-
-    Parameters
-    ----------
-    target : its name (None: the first)
+    """Find the index of a target by name (None: the first).
 
     Raises
     ------

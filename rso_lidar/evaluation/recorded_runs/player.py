@@ -210,11 +210,6 @@ def save_view(
 ) -> Path:
     """Write a picture of what the window shows, of the frame with most returns among a dozen.
 
-    Parameters
-    ----------
-    path : of the picture; PNG, PDF or SVG by the suffix
-    scheme : `LIGHT` or `DARK`
-
     Returns
     -------
     The path of the file.
@@ -234,12 +229,7 @@ def find_fullest_frame(frames: Sequence[Frame]) -> int:
 def play(
     frames: Sequence[Frame], shapes: Iterable[Shape] = (), colour: Colour = "range", scheme: Scheme = LIGHT
 ) -> Player:
-    """Show the player in a window, and return it when the window is closed; a notebook does not wait.
-
-    Parameters
-    ----------
-    scheme : `LIGHT` or `DARK`
-    """
+    """Show the player in a window, and return it when the window is closed; a notebook does not wait."""
     import matplotlib
     from matplotlib import pyplot
 
@@ -302,12 +292,7 @@ def _cloud(frame: Frame, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bounds(frame: Frame, shapes: Sequence[Shape], edges_m: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
-    """Return the middle (xyz) and half the side [m] of a cube around the target, or around the returns without one.
-
-    Parameters
-    ----------
-    edges_m : their edges in lidar axes
-    """
+    """Return the middle (xyz) and half the side [m] of a cube around the target, or around the returns without one."""
     if edges_m:
         held = np.concatenate([lines.reshape(-1, 3) for lines in edges_m[: _of_one_target(shapes)]])
     else:

@@ -326,12 +326,7 @@ def _compare_alignment(alignment: Alignment, true: RigidTransform, model: Sample
 
 
 def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:
-    """Return the three columns of a vector by name.
-
-    Parameters
-    ----------
-    values : (time, 3)
-    """
+    """Return the three columns of vectors (time, 3) by name."""
     return {f"{name}_{axis}{unit}": column for axis, column in zip(Tracking.AXES, values.T, strict=True)}
 
 

@@ -40,17 +40,7 @@ class AttitudeSearch:
     def __init__(
         self, lidar: Lidar, scenario: Scenario, number: int, finding: Finding, attitudes: int, *, in_run: bool
     ) -> None:
-        """Prepare the attitudes.
-
-        Parameters
-        ----------
-        lidar : the camera
-        scenario : the scenario of the body
-        number : of the body among its targets
-        finding : when the body counts as found
-        attitudes : number of attitudes
-        in_run : whether they are those of the run
-        """
+        """Prepare the attitudes."""
         with suppress_warnings():
             self._preview = preview_mission(scenario)
         self._lidar, self._scenario, self._number, self._finding = lidar, scenario, number, finding
@@ -76,13 +66,7 @@ class AttitudeSearch:
         return self._known[range_m, n]
 
     def of_attitude(self, attitude: Attitude, range_m: float, n: int) -> float:
-        """Return the probability of one attitude.
-
-        Parameters
-        ----------
-        attitude, range_m : the attitude, and the range [m]
-        n : number of places in the pixel grid over which the mean is taken
-        """
+        """Return the probability of one attitude at a range [m], the mean over `n` places in the pixel grid."""
         probabilities, _ = self._evaluate([attitude] * n, range_m, spread_attitudes(n)[1])
         return float(probabilities.mean())
 
@@ -112,13 +96,7 @@ class AttitudeSearch:
     def _rank(
         self, attitudes: Sequence[Attitude], range_m: float, n: int
     ) -> list[tuple[Attitude, tuple[float, float]]]:
-        """Rank attitudes from the worst, each with its probability and photons.
-
-        Parameters
-        ----------
-        attitudes, range_m : the attitudes, and the range [m]
-        n : number of places in the pixel grid over which the means are taken
-        """
+        """Rank attitudes at a range [m] from the worst, with their probabilities and photons, over `n` grid places."""
         places = np.tile(spread_attitudes(n)[1], (len(attitudes), 1))
         probabilities, photons = self._evaluate([attitude for attitude in attitudes for _ in range(n)], range_m, places)
         means = np.stack([probabilities.reshape(-1, n).mean(axis=1), photons.reshape(-1, n).mean(axis=1)], axis=1)
@@ -149,25 +127,14 @@ class AttitudeSearch:
         return find_aspects(lidar, self._surfaces, self._number, truths, self._finding, finest)
 
     def _place(self, attitude: Attitude, range_m: float, phase: np.ndarray) -> Truth:
-        """Return the truth of the body in one pose.
-
-        Parameters
-        ----------
-        attitude, range_m : the attitude, and the range [m]
-        phase : (right_down) place in the pixel grid
-        """
+        """Return the truth of the body in one pose at a range [m], at a place (right_down) in the pixel grid."""
         row, turned = attitude
         place_m = place_body(self._lidar, range_m, phase)
         return move_target(self._scenario, self._number, self._preview.truth.at(row), place_m, turned)
 
 
 def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:
-    """Return the place (xyz) [m] in lidar axes of a body at a range, beside the boresight by parts of a pixel.
-
-    Parameters
-    ----------
-    phase : (right_down) place beside the boresight [pixels]
-    """
+    """Return the place (xyz) [m] in lidar axes of a body at a range, beside the boresight by parts of a pixel."""
     x, y = phase * lidar.receiver.pixel_tangent
     place_m: np.ndarray = np.array([x, y, 1.0]) * (range_m / math.sqrt(1.0 + x * x + y * y))
     return place_m
@@ -202,10 +169,6 @@ def face_direction(toward: np.ndarray) -> np.ndarray:
 
 def describe_facing(lidar_from_body: np.ndarray) -> str:
     """Describe which body axis faces the lidar, for a body on the boresight.
-
-    Parameters
-    ----------
-    lidar_from_body : rotation matrix (3, 3)
 
     >>> describe_facing(face_direction(np.array([0.0, 0.0, 1.0])))
     '+z faces the lidar'

@@ -232,13 +232,7 @@ def find_range(
 
 
 def _choose_span_m(lidar: Lidar, given: Any, radius_m: float) -> tuple[float, float]:
-    """Return the nearest and the farthest range [m].
-
-    Parameters
-    ----------
-    given : the two, or None
-    radius_m : of the body [m]
-    """
+    """Return the nearest and the farthest range [m], as given or by the lidar and the body's radius [m]."""
     traits = lidar.detector.traits
     if given is None:
         far_m = GATED_TO_M if traits.is_gated else min(traits.sees_to_m, FARTHEST_M)
@@ -269,12 +263,7 @@ def _scan_inward(probability: Callable[[float], float], near_m: float, far_m: fl
 
 
 def _choose_curve_m(scan_m: np.ndarray, scan: np.ndarray) -> np.ndarray:
-    """Return the ranges of the curve [m]: from where the body is almost always found to where it almost never is.
-
-    Parameters
-    ----------
-    scan_m, scan : (range) scanned ranges [m] and probabilities
-    """
+    """Return the ranges of the curve [m]: from where the body is almost always found to where it almost never is."""
     seen = np.flatnonzero(scan > 1.0 - _SURE)
     if not seen.size:
         return np.geomspace(scan_m[0], scan_m[-1], _DRAWN)
@@ -287,13 +276,7 @@ def _choose_curve_m(scan_m: np.ndarray, scan: np.ndarray) -> np.ndarray:
 def _solve_m(
     probability: Callable[[float], float], range_m: np.ndarray, known: np.ndarray, wanted: float
 ) -> tuple[float, bool]:
-    """Solve the greatest range [m] with the wanted probability, and whether it is the farthest of all; NaN without any.
-
-    Parameters
-    ----------
-    probability : function of a range [m]
-    range_m, known : (range) ranges [m], and their probabilities
-    """
+    """Solve the greatest range [m] with the wanted probability, and whether it is the farthest; NaN without any."""
     reached = np.flatnonzero(known >= wanted)
     if not reached.size:
         return math.nan, False
@@ -319,13 +302,7 @@ def _has_retros(scenario: Scenario, number: int) -> bool:
 
 
 def _describe_notes(lidar: Lidar, *, in_run: bool, has_retros: bool) -> tuple[str, ...]:
-    """Describe what the answer assumes.
-
-    Parameters
-    ----------
-    in_run : whether the attitudes are those of the run
-    has_retros : whether the body has retro-reflectors
-    """
+    """Describe what the answer assumes."""
     notes = [
         "attitudes of the run" if in_run else "attitudes: all rotations, evenly; places: one pixel about the boresight"
     ]

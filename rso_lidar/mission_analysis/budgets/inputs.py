@@ -51,13 +51,7 @@ def check_positive(what: str, value: Any) -> float:
 
 
 def check_angles_deg(what: str, given: Sequence[float] | float, least: float, most: float) -> tuple[float, ...]:
-    """Return distinct angles [deg], or raise `ScenarioError` for those outside the limits.
-
-    Parameters
-    ----------
-    given : one or several angles [deg]
-    least, most : limits [deg]
-    """
+    """Return distinct angles [deg], or raise `ScenarioError` for those outside the limits."""
     values = tuple(dict.fromkeys(float(value) for value in np.atleast_1d(np.asarray(given, dtype=float))))
     if not values:
         raise ScenarioError(f"{what}: is empty; give at least one angle")

@@ -85,13 +85,7 @@ def depth_spread_s(receiver: Receiver, tilt_rad: float, range_m: np.ndarray, fil
 
 
 def _illuminated_share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) -> np.ndarray:
-    """Return the share of the pulse's energy that falls onto a square on the boresight.
-
-    Parameters
-    ----------
-    across_m : (range) width of the square [m]
-    range_m : (range) its range [m]
-    """
+    """Return the share of the pulse's energy on a square on the boresight, by its width [m] and range [m] (range)."""
     right_m, down_m, ahead_m = laser.offset_m
     before = range_m > ahead_m
     depth_m = np.where(before, range_m - ahead_m, 1.0)

@@ -172,12 +172,7 @@ def assess_conjunction(
 
 
 def _state(value: float | None, form: str, unit: str) -> str:
-    """Return what the message states of a figure, in parentheses.
-
-    Parameters
-    ----------
-    value : of the message, None where it states none
-    """
+    """Return what the message states of a figure, in parentheses; nothing for None."""
     return "" if value is None else f" (message: {value:{form}}{unit})"
 
 

@@ -170,13 +170,7 @@ def encounters(
 
 
 def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_slew_deg_s: float) -> None:
-    """Raise `ScenarioError` for limits and spans without meaning.
-
-    Parameters
-    ----------
-    within_m : greatest distance of an encounter [m]
-    max_slew_deg_s : greatest rate of the line of sight [deg/s]
-    """
+    """Raise `ScenarioError` for limits and spans without meaning."""
     for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
         _check_number(what, unit, value)
     if not isinstance(start_utc, datetime.datetime):
@@ -192,12 +186,7 @@ def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_s
 
 
 def _check_number(what: str, unit: str, value: Any) -> None:
-    """Refuse a value that is not a number.
-
-    Parameters
-    ----------
-    what, unit : name and unit, for the message
-    """
+    """Refuse a value that is not a number."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise ScenarioError(f"{what}: {quote_value(value)} is not a number; give one in {unit}, without the unit")
 

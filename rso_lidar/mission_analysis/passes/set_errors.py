@@ -161,14 +161,7 @@ def _join(parts: list[np.ndarray], empty: tuple[int, ...]) -> np.ndarray:
 
 
 def _sort_into_bins(label: str, edges: np.ndarray, ages: np.ndarray, differences: np.ndarray) -> SetErrors:
-    """Sort differences by age, and compute their moments.
-
-    Parameters
-    ----------
-    edges : of the bins [day]
-    ages : (pair,) ages [day]
-    differences : (pair, 6) in rtn axes [m, m/s]
-    """
+    """Sort differences (pair, 6) in rtn axes [m, m/s] by age (pair) [day] into bins, and compute their moments."""
     bins = len(edges) - 1
     age, mean, covariance = np.full(bins, np.nan), np.full((bins, 6), np.nan), np.full((bins, 6, 6), np.nan)
     inner, pairs = np.full((bins, 3), np.nan), np.zeros(bins, dtype=int)

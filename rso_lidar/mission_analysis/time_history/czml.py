@@ -169,14 +169,7 @@ def _check_document(
     lines: Sequence[tuple[str, str]],
     beams: Sequence[CzmlBeam],
 ) -> None:
-    """Raise a `RecordingError` for input that would make an unreadable document.
-
-    Parameters
-    ----------
-    time_s : (time) instants [s]
-    lines : pairs of names that lines join
-    beams : with the name of the body that each starts from
-    """
+    """Raise a `RecordingError` for input that would make an unreadable document."""
     if not bodies or time_s.size < 1:
         raise RecordingError("czml: no body or no instant to write; check the selection")
     if len(set(names)) < len(names):
@@ -196,13 +189,7 @@ def _check_document(
 
 
 def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
-    """Return time-tagged samples in one row; a single sample is a constant without a time.
-
-    Parameters
-    ----------
-    at_s : (time) instants [s]
-    values : (time, n)
-    """
+    """Return time-tagged samples (time, n) in one row; a single sample is a constant without a time."""
     if at_s.size == 1:
         return [round(float(value), digits) for value in values[0]]
     rows = zip(at_s.tolist(), values.tolist(), strict=True)
@@ -210,14 +197,7 @@ def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
 
 
 def _position(at_s: np.ndarray, position_m: np.ndarray, epoch: str, degree: int = DEGREE) -> dict[str, Any]:
-    """Return a position in inertial axes.
-
-    Parameters
-    ----------
-    at_s : (time) instants [s]
-    position_m : (time, 3) in GCRS axes [m]
-    epoch : ISO 8601 text of the start
-    """
+    """Return a position (time, 3) [m] in inertial axes; `epoch` is the ISO 8601 text of the start."""
     return {
         "interpolationAlgorithm": "LAGRANGE" if degree > 1 else "LINEAR",
         "interpolationDegree": min(degree, max(at_s.size - 1, 1)),
@@ -228,14 +208,7 @@ def _position(at_s: np.ndarray, position_m: np.ndarray, epoch: str, degree: int 
 
 
 def _orientation(at_s: np.ndarray, quaternion: np.ndarray, epoch: str) -> dict[str, Any]:
-    """Return the orientation as quaternions whose signs keep neighbours close.
-
-    Parameters
-    ----------
-    at_s : (time) instants [s]
-    quaternion : (time, 4), x, y, z, w
-    epoch : ISO 8601 text of the start
-    """
+    """Return the orientation as quaternions (time, xyzw) whose signs keep neighbours close."""
     flips = np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=-1) < 0.0, -1.0, 1.0)
     smooth = quaternion * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
     return {
@@ -247,13 +220,7 @@ def _orientation(at_s: np.ndarray, quaternion: np.ndarray, epoch: str) -> dict[s
 
 
 def _line(name: str, a: str, b: str, span: str, rgba: tuple[int, ...], width: int) -> dict[str, Any]:
-    """Return a straight line between two bodies.
-
-    Parameters
-    ----------
-    rgba : colour, 0 to 255
-    width : [pixels]
-    """
+    """Return a straight line between two bodies, its width in pixels."""
     return {
         "id": name,
         "name": name,

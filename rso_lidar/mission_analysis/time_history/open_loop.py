@@ -56,13 +56,7 @@ def fly_open_loop(
 def _pointing(
     scenario: Scenario, ptu: motion.Ptu, numbers: np.ndarray, time_s: np.ndarray, asked: Any
 ) -> Iterable[PtuAngles]:
-    """Step the PTU from frame to frame, and yield its angles at each.
-
-    Parameters
-    ----------
-    numbers : indices (time) of frames
-    time_s : times (time) of the frames [s]
-    """
+    """Step the PTU from frame to frame, and yield its angles at each; numbers and times [s] are (time)."""
     state = motion.start(ptu, asked)
     for k, until_s in zip(numbers.tolist(), time_s.tolist(), strict=True):
         state = motion.step(ptu, state, asked, until_s=until_s)

@@ -155,12 +155,7 @@ def _tabulate_geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:
 
 
 def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[PtuAngles, ...]) -> dict[str, np.ndarray]:
-    """Tabulate demand and response of the PTU, and where it is at a limit; nothing without a PTU.
-
-    Parameters
-    ----------
-    time_s : (time) times of the frames [s]
-    """
+    """Tabulate demand and response of the PTU, and where it is at a limit; nothing without a PTU."""
     if scenario.ptu is None:
         return {}
     response = scenario.ptu.response
@@ -191,13 +186,7 @@ def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[Ptu
 
 
 def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -> dict[str, np.ndarray]:
-    """Tabulate bounds and light of the target: light is cast at some frames and interpolated at the others.
-
-    Parameters
-    ----------
-    number : index of the target
-    casts : greatest number of frames at which rays are cast
-    """
+    """Tabulate bounds and light of the target: light is cast at up to `casts` frames, interpolated at the others."""
     time_s = truth.time_s
     lidars = [scenario.instrument.at(float(at)) for at in time_s]
     edge = np.array([lidar.receiver.field_edge for lidar in lidars])
@@ -321,25 +310,14 @@ def _project_bounds(scenario: Scenario, truth: Truth, number: int | None) -> tup
 
 
 def _is_near(surface: Surface, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return whether (time) the lidar is within a radius of the sphere about a surface.
-
-    Parameters
-    ----------
-    place, turn : (time, 3) and (time, 3, 3) lidar_from_surface
-    """
+    """Return whether (time) the lidar is within a radius of the sphere about a surface, by lidar_from_surface."""
     centre, radius_m = surface.sphere
     near: np.ndarray = np.linalg.norm(rotate_vectors(turn, centre) + place, axis=-1) < 2.0 * radius_m
     return near
 
 
 def _clip_bounds(low: np.ndarray, high: np.ndarray, edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sides (time, 2) of bounds, and those of their part in the field; 0 where there is none.
-
-    Parameters
-    ----------
-    low, high : (time, 2) bounds
-    edge : (time, 2) half field
-    """
+    """Return the sides (time, 2) of bounds, and those of their part in the half field (time, 2); 0 where none is."""
     with np.errstate(invalid="ignore"):
         sides = np.where(low <= high, high - low, 0.0)
     inside = np.where(low <= high, np.maximum(np.minimum(high, edge) - np.maximum(low, -edge), 0.0), 0.0)

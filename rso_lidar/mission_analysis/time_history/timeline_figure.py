@@ -167,13 +167,7 @@ def _draw_sky_light(axes: Axes, table: Table) -> None:
 
 
 def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, float]] | None) -> None:
-    """Draw pan and tilt, demanded and true, with their limits.
-
-    Parameters
-    ----------
-    table : columns by name
-    travel_rad : limits of pan and of tilt [rad]; None without limits
-    """
+    """Draw pan and tilt, demanded and true, with their limits [rad]."""
     for word, colour in (("pan", palette.BLUE), ("tilt", palette.GREEN)):
         axes.plot(table["time_s"], table[f"{word}_demand_rad"] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3)
         axes.plot(table["time_s"], table[f"{word}_actual_rad"] / DEG, color=colour, lw=figures.LINE_PT, label=word)
@@ -187,13 +181,7 @@ def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, flo
 
 
 def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
-    """Draw the rates of pan and tilt, demanded and true.
-
-    Parameters
-    ----------
-    table : columns by name
-    max_rate_rad_s : limit of the rates [rad/s]; infinite without a limit
-    """
+    """Draw the rates of pan and tilt, demanded and true, with their limit [rad/s] unless infinite."""
     for word, colour in (("pan", palette.BLUE), ("tilt", palette.GREEN)):
         axes.plot(
             table["time_s"], table[f"{word}_demand_rate_rad_s"] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3
@@ -213,13 +201,7 @@ def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
 
 
 def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
-    """Draw the angle of the target off the boresight, and the share of its bounds in the field.
-
-    Parameters
-    ----------
-    table : columns by name
-    half_field_rad : half of the field of view [rad]
-    """
+    """Draw the angle of the target off the boresight, half the field [rad], and its share in the field."""
     off_deg = table["off_boresight_rad"] / DEG
     axes.plot(table["time_s"], off_deg, color=palette.RED, lw=figures.LINE_PT, label="target's origin")
     greatest = float(np.nanmax(off_deg))
@@ -307,13 +289,7 @@ def _add_right_axis(axes: Axes, label: str, colour: str) -> Axes:
 
 
 def _mark(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
-    """Mark where a drive is at a limit.
-
-    Parameters
-    ----------
-    table : columns by name
-    where, value : names of the columns that say where, and which value
-    """
+    """Mark where a drive is at a limit, by the column `where`."""
     at = np.flatnonzero(table[where])
     if at.size:
         axes.plot(table["time_s"][at], table[value][at] / DEG, ".", color=palette.FALSE, ms=4, label=label, zorder=4)

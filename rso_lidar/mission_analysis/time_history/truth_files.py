@@ -128,12 +128,7 @@ def _check_name(name: str, known: list[str]) -> str:
 
 
 def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray) -> Any:
-    """Draw one of the figures.
-
-    Parameters
-    ----------
-    frames : numbers of the frames (time)
-    """
+    """Draw one of the figures."""
     if kind == "ptu" and scenario.ptu is None:
         raise ScenarioError("figure ptu: the scenario has no PTU; add [ptu], or draw another figure")
     if not scenario.target and kind != "orbit":
@@ -161,14 +156,7 @@ def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.nda
 
 
 def _write_ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:
-    """Write the motion of a body as OEM, or its attitude as AEM.
-
-    Parameters
-    ----------
-    suffix : ``.oem`` or ``.aem``
-    body : name of the body or axes (None: the follower)
-    frames : numbers of the frames (time)
-    """
+    """Write the motion of a body (None: the follower) as OEM, or its attitude as AEM."""
     from scipy.spatial.transform import Rotation
 
     wanted = body or "follower"

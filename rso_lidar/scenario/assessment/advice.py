@@ -157,12 +157,7 @@ def _name_window_keys(traits: DetectorTraits) -> str:
 
 
 def _advise_on_gate(geometry: TargetGeometry, opens: np.ndarray, closes: np.ndarray, keys: str) -> list[str]:
-    """Warn of a range gate that misses a target or cuts a part of it off.
-
-    Parameters
-    ----------
-    opens, closes : (time) ranges at which the gate opens and closes [m]
-    """
+    """Warn of a range gate [m] (time) that misses a target or cuts a part of it off."""
     out = (geometry.farthest_m < opens) | (geometry.nearest_m > closes)
     cut = (geometry.nearest_m < opens) | (geometry.farthest_m > closes)
     where = f"target {geometry.name}: the range gate ({opens[0]:.1f} to {closes[0]:.1f} m at first)"

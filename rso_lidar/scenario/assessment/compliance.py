@@ -61,13 +61,7 @@ def _check_exclusions(constraints: Constraints, mission: Mission, preview: Previ
 
 
 def _locate(poses: PoseTree, apex: str, name: str, n_epochs: int) -> np.ndarray:
-    """Return the position (time, 3) [m] of the origin of some axes.
-
-    Parameters
-    ----------
-    apex : name of the axes in which the position is given
-    name : of the axes whose origin it is
-    """
+    """Return the position (time, 3) [m] of the origin of the axes `name` in the axes `apex`."""
     place: np.ndarray = np.broadcast_to(poses.place(apex, name)[0], (n_epochs, 3))
     return place
 

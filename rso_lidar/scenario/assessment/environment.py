@@ -72,13 +72,7 @@ def advise_on_environment(mission: Mission, preview: Preview, constraints: Const
 
 
 def _advise_on_sun(preview: Preview, around: SkyGeometry, *, near: bool, simulated: bool) -> list[str]:
-    """Warn of the Sun in the field of view, and near it.
-
-    Parameters
-    ----------
-    near : whether to warn of a Sun outside the field too
-    simulated : whether frames show the Sun and its glare
-    """
+    """Warn of the Sun in the field of view, and near it, by whether frames show the Sun and its glare."""
     if around.sun_m is None:
         return []
     to_sun = around.sun_m - around.position_m
@@ -155,12 +149,7 @@ def _format_ends(angle: np.ndarray) -> str:
 
 
 def _format_course(angle: np.ndarray, time_s: np.ndarray, off: str = "") -> str:
-    """Format the first, last and least value of an angle.
-
-    Parameters
-    ----------
-    angle, time_s : angles (time) [rad] at some times (time) [s]
-    """
+    """Format the first, last and least value of an angle (time) [rad] at times (time) [s]."""
     worst = find_first_least(angle)
     return f"{_format_ends(angle)}{off}, least {angle[worst] / units.DEG:.2f}° at {time_s[worst]:g} s"
 
@@ -191,12 +180,7 @@ def _describe_eclipse(eclipse: Eclipse) -> str:
 
 
 def _describe_passage(what: str, begins_s: float, ends_s: float) -> str:
-    """Describe one passage through a shadow.
-
-    Parameters
-    ----------
-    begins_s, ends_s : its ends [s since start_utc], infinite where they are outside the run
-    """
+    """Describe one passage through a shadow by its ends [s since start_utc], infinite where outside the run."""
     if np.isinf(begins_s) and np.isinf(ends_s):
         return f"{what} all the time"
     begins = f"from {begins_s:.3f} s" if np.isfinite(begins_s) else "from before the first frame"

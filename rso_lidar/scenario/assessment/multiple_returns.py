@@ -61,12 +61,7 @@ def advise_on_separations(mission: Mission, preview: Preview) -> list[str]:
 def _describe_affected_parts(
     mission: Mission, preview: Preview, number: int, listed: tuple[float, float]
 ) -> tuple[str, bool]:
-    """Describe the parts of a target whose depth is outside the separations, and return whether any part is too deep.
-
-    Parameters
-    ----------
-    listed : least and greatest separation at which two returns are both listed [m]
-    """
+    """Describe the parts whose depth is outside the separations [m], and return whether any part is too deep."""
     target = mission.target[number]
     if target.terrain is not None:
         return "", False

@@ -77,12 +77,7 @@ def describe_exposure(mission: Mission, preview: Preview) -> list[str]:
 
 
 def advise_on_exposure(mission: Mission, preview: Preview) -> list[str]:
-    """Warn of pulses that see the scene in different places, or whose light comes when the next one has been sent.
-
-    Parameters
-    ----------
-    mission : as for `measure_smear`
-    """
+    """Warn of pulses that see the scene in different places, or whose light comes when the next one has been sent."""
     rate_hz, traits = mission.lidar.laser.pulse_rate_hz, mission.lidar.detector.traits
     if rate_hz is None:
         return []

@@ -95,13 +95,7 @@ def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: in
 
 
 def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.random.Generator) -> int:
-    """Simulate the detector for one flash, and count the pixels that report the target.
-
-    Parameters
-    ----------
-    lidar : the instrument that is in force
-    mine : (return) whether it comes from the target
-    """
+    """Simulate the detector for one flash, and count the pixels that report the target, by its returns (return)."""
     pulses = lidar.detector.traits.pulses
     fired, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
     light = seen.light
@@ -194,10 +188,6 @@ def find_in_run(mission: Mission, preview: Preview, number: int, row: int, n: in
     """Compute the probabilities (aspect) that a target is found near one epoch of a run.
 
     Attitudes are those that the target has about this epoch. Places in the pixel grid are spread about its own place.
-
-    Parameters
-    ----------
-    n : number of attitudes and places
     """
     attitudes = collect_attitudes(mission, preview, number, row, n)
     time_s = float(preview.time_s[row])

@@ -181,13 +181,7 @@ class DispersedMission(SavedResult):
 
 
 def nees_bounds(runs: int, share: float = _CONFIDENCE) -> tuple[float, float]:
-    """Return the two-sided bounds of the mean NEES of runs whose filters are consistent (chi-square distribution).
-
-    Parameters
-    ----------
-    runs : number of runs
-    share : probability that the mean is within the bounds
-    """
+    """Return the two-sided bounds of the mean NEES of runs whose filters are consistent (chi-square distribution)."""
     from scipy.special import chdtri
 
     tail = 0.5 * (1.0 - share)
@@ -293,12 +287,7 @@ def _fly_blocks(
 def _submit_blocks(
     mission_disperser: MissionDisperser, begins: list[int], executor: Executor
 ) -> Iterator[tuple[int, Block]]:
-    """Fly blocks of runs by an executor, and yield each with its first run when it is finished.
-
-    Parameters
-    ----------
-    executor : whose workers may be other processes or machines; each block makes its flight anew there
-    """
+    """Fly blocks of runs by an executor; yield each with its first run when finished. A block makes its flight anew."""
     waiting = [executor.submit(_fly_block, copy.copy(mission_disperser), begin) for begin in begins]
     try:
         for future in as_completed(waiting):

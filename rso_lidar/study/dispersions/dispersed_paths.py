@@ -140,13 +140,7 @@ class Disperser:
     def _find_known(
         self, node: int, state: np.ndarray, bank: FilterBank | None, drawn: Iterator[np.ndarray]
     ) -> np.ndarray:
-        """Return the deviations (6, run) that guidance knows, inertial axes.
-
-        Parameters
-        ----------
-        state : (6, run) true deviations from the body approached, inertial axes
-        bank : the filters; None without
-        """
+        """Return the deviations (6, run) that guidance knows, of the true ones (6, run), inertial axes."""
         errors = self.flight.navigation
         if not isinstance(errors, NavigationErrors):
             return state if bank is None else bank.orbit
@@ -155,28 +149,14 @@ class Disperser:
         return known
 
     def _find_push(self, node: int, held: np.ndarray, *, without_burns: bool) -> _Push | None:
-        """Return the error of held thrust from a node to the next; None without held thrust.
-
-        Parameters
-        ----------
-        node : where the runs are
-        held : (4 x leg, run) standard normal numbers
-        without_burns : whether held thrust is missing
-        """
+        """Return the error of held thrust from a node to the next, from normal numbers (4 x leg, run)."""
         leg, thrust = self.nodes.find_leg(node), self.nodes.thrust
         if leg is None or thrust is None:
             return None
         return thrust.stop() if without_burns else thrust.make_push(held[_PER_LEG * leg : _PER_LEG * (leg + 1)])
 
     def _advance(self, node: int, state: np.ndarray, bank: FilterBank | None, push: _Push | None) -> np.ndarray:
-        """Return true deviations (6, run) at the next node, and propagate the filters with them, in one integration.
-
-        Parameters
-        ----------
-        node : where the runs are
-        state : (6, run) true deviations, inertial axes
-        bank : the filters; None without
-        """
+        """Return true deviations (6, run) at the next node, and propagate the filters with them, in one integration."""
         if bank is None:
             return self.nodes.flow.advance(node, state, push)
         n_runs = state.shape[1]

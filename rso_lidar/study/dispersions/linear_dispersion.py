@@ -181,12 +181,7 @@ def _find_known(flight: DispersedFlight, node: int, columns: _SourceColumns) -> 
 
 
 def _carry(flight: DispersedFlight, bank: FilterBank | None, node: int, columns: _SourceColumns) -> None:
-    """Propagate the columns to the next node; those of held legs gain what thrust adds.
-
-    Parameters
-    ----------
-    bank : the filter along the flight without errors; None if there is none
-    """
+    """Propagate the columns to the next node; those of held legs gain what thrust adds."""
     leg, start = flight.find_leg(node), flight.root.shape[1]
     columns.craft[:] = flight.transition[node] @ columns.craft
     if flight.target_root is not None:

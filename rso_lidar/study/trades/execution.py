@@ -116,14 +116,7 @@ def _parse_row(line: bytes, count: int) -> Row | None:
 
 
 def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None) -> Iterator[Row]:
-    """Run the rows that are not known yet, and yield each when it is finished.
-
-    Parameters
-    ----------
-    plan : the plan. A row depends on the plan and on its number only
-    known : finished rows by number
-    workers : number of processes (None: this process alone)
-    """
+    """Run the rows that are not known yet, and yield each when it is finished."""
     left = [number for number in range(plan.study.n_rows) if number not in known]
     if workers is None or workers < 2 or len(left) < 2:
         yield from map(plan.row, left)
@@ -314,13 +307,7 @@ def _tabulate_rows(plan: TradePlan, base: Scenario, known: dict[int, Row]) -> Tr
 
 
 def _tabulate_field(axis: Axis, values: list[Any], column: int) -> np.ndarray:
-    """Return the values of one field: as numbers where all of them are, else as TOML.
-
-    Parameters
-    ----------
-    values : (row) values of the axis
-    column : index of the field in the axis
-    """
+    """Return the values of one field: as numbers where all of them are, else as TOML."""
     linked = len(axis.field) > 1
     own = [value[column] if linked and isinstance(value, list) else value for value in values]
     if all(type(value) in (int, float) for value in own):

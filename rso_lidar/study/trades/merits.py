@@ -29,14 +29,7 @@ class CountedFrames(Sequence[Frame]):
     def __init__(
         self, scenario: Scenario, numbers: np.ndarray, threads: int | None, add: Callable[[Frame], None]
     ) -> None:
-        """Start a run.
-
-        Parameters
-        ----------
-        scenario, numbers : the scenario, and the indices of its frames
-        threads : of the simulation
-        add : called with each frame, such as `RunSums.add`
-        """
+        """Start a run."""
         self._fly = partial(simulate, scenario, threads=threads)
         self._numbers, self._add = numbers.tolist(), add
         self._made = self._fly(frames=self._numbers)

@@ -70,13 +70,7 @@ class TradePlan:
 def make_trade_plan(
     study: Study, threads: int | None = None, *, trust_code: bool = False, trust_fmu: bool = False
 ) -> tuple[TradePlan, Scenario]:
-    """Make the plan of a study and load its scenario, after a check of every field that changes.
-
-    Parameters
-    ----------
-    threads : of a single computation (None: one per core)
-    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names
-    """
+    """Make the plan of a study and load its scenario, after a check of every field that changes."""
     base, path = study.base(trust_code=trust_code, trust_fmu=trust_fmu), study.scenario_file()
     text, points = read_toml(path), tuple(list_points(study))
     plan = TradePlan(study, points, text, path.parent, path.name, base.seed, threads, trust_code, trust_fmu)

@@ -39,13 +39,7 @@ _DECADES = 30.0  # greatest over least value from which the scale of a figure of
 
 
 def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
-    """Write a trade's table or report, by the suffix, and return the path.
-
-    Parameters
-    ----------
-    trade : what is written
-    scheme : colours of the report, `LIGHT` or `DARK`
-    """
+    """Write a trade's table or report, by the suffix, and return the path."""
     suffix = place.suffix.lower()
     if suffix == ".csv":
         return write_columns(place, trade.table)
@@ -334,12 +328,7 @@ def _draw_frames(trade: TradeTable, scheme: Scheme) -> list[str]:
 
 
 def _write_command(trade: TradeTable, row: int, frame: int) -> str:
-    """Return the command that reproduces a frame of a row.
-
-    Parameters
-    ----------
-    frame : index of the frame
-    """
+    """Return the command that reproduces a frame of a row."""
     changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
     settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)
     file = shlex.quote(_relative_path(trade.plan.folder / trade.plan.where))

@@ -29,13 +29,7 @@ class FlownFrames(ABC):
     """
 
     def __init__(self, scenario: Scenario, target: str | None, ready: Callable[[], None]) -> None:
-        """Start without frames.
-
-        Parameters
-        ----------
-        scenario, target : the scenario, and the name of its target (None: the first)
-        ready : called after each frame
-        """
+        """Start without frames."""
         self.scenario, self.number = scenario, find_target(scenario, target)
         self._ready = ready
         self._size_m = bounding_diagonal_m(scenario, self.number)
@@ -48,22 +42,11 @@ class FlownFrames(ABC):
 
     @abstractmethod
     def _fly(self, run: int, numbers: np.ndarray) -> Iterable[Frame]:
-        """Yield the frames of a run.
-
-        Parameters
-        ----------
-        run, numbers : number of the run, and indices of the frames
-        """
+        """Yield the frames of a run."""
 
     @abstractmethod
     def _track(self, run: int, numbers: np.ndarray, *, poses: bool) -> dict[str, np.ndarray]:
-        """Return the table of the tracker over the frames of a run, whose sums are kept in passing.
-
-        Parameters
-        ----------
-        run, numbers : number of the run, and indices of the frames
-        poses : whether ICP runs
-        """
+        """Return the table of the tracker over the frames of a run, whose sums are kept in passing."""
 
     @property
     @abstractmethod
@@ -76,12 +59,7 @@ class FlownFrames(ABC):
         return self.n_runs * len(np.unique(np.concatenate(chosen))) if chosen else 0
 
     def prepare(self, requirements: Sequence[Requirement]) -> None:
-        """Simulate or read all frames that some requirements need, trackers first, each frame once where possible.
-
-        Parameters
-        ----------
-        requirements : those that need frames
-        """
+        """Simulate or read all frames that some requirements need, trackers first, each frame once where possible."""
         for requirement in requirements:
             if follows_frames(requirement):
                 self.tables(self.select(requirement), poses=needs_poses(requirement))
@@ -90,12 +68,7 @@ class FlownFrames(ABC):
             self.sums(np.unique(np.concatenate(chosen)))
 
     def sums(self, numbers: np.ndarray) -> list[FrameSums]:
-        """Return the sums of frames of all runs.
-
-        Parameters
-        ----------
-        numbers : indices of the frames
-        """
+        """Return the sums of frames of all runs."""
         for run in range(self.n_runs):
             missing = np.array([k for k in numbers.tolist() if (run, k) not in self._sums], dtype=int)
             if missing.size:
@@ -104,13 +77,7 @@ class FlownFrames(ABC):
         return [self._sums[run, k] for run in range(self.n_runs) for k in numbers.tolist()]
 
     def tables(self, numbers: np.ndarray, *, poses: bool) -> Tables:
-        """Return the tables of the tracker, one for each run.
-
-        Parameters
-        ----------
-        numbers : indices of the frames that the tracker sees
-        poses : whether ICP runs
-        """
+        """Return the tables of the tracker, one for each run."""
         key = numbers.tobytes(), poses
         if key not in self._tracks:
             self._tracks[key] = [self._track(run, numbers, poses=poses) for run in range(self.n_runs)]
@@ -128,14 +95,7 @@ class SimulatedFrames(FlownFrames):
     def __init__(
         self, scenario: Scenario, target: str | None, ready: Callable[[], None], seeds: int, threads: int | None
     ) -> None:
-        """Start without frames.
-
-        Parameters
-        ----------
-        scenario, target, ready : as for `FlownFrames`
-        seeds : number of runs
-        threads : of the simulation
-        """
+        """Start without frames."""
         super().__init__(scenario, target, ready)
         self._seeds, self._threads = seeds, threads
         self._range_m: np.ndarray | None = None
@@ -174,14 +134,7 @@ class RecordedFrames(FlownFrames):
     def __init__(
         self, frames: Sequence[Frame], target: str | None, ready: Callable[[], None], folder: Path | None
     ) -> None:
-        """Start with the numbers of the frames.
-
-        Parameters
-        ----------
-        frames : a recording, or frames of one scenario in the order of time
-        target, ready : as for `FlownFrames`
-        folder : folder of the mesh files that the scenario names
-        """
+        """Start with the numbers of the frames."""
         if not len(frames):
             raise RecordingError("requirements: the recording has no frames; record some")
         super().__init__(load_scenario(frames[0].source, folder), target, ready)
@@ -255,11 +208,7 @@ def needs_poses(requirement: Requirement) -> bool:
 
 
 def find_target(scenario: Scenario, target: str | None) -> int:
-    """Return the index of the target that requirements are about.
-
-    Parameters
-    ----------
-    scenario, target : the scenario, and the name of a target (None: the first)
+    """Return the index of the target that requirements are about, by its name (None: the first).
 
     Raises
     ------
@@ -279,14 +228,7 @@ def find_target(scenario: Scenario, target: str | None) -> int:
 def _choose_between(
     requirement: Requirement, numbers: np.ndarray, range_m: np.ndarray, error: type[ScenarioError | RecordingError]
 ) -> np.ndarray:
-    """Return the frames whose true range is within the limits of a requirement.
-
-    Parameters
-    ----------
-    requirement : with `between_m`
-    numbers, range_m : (frame) indices and true ranges [m]
-    error : raised where no frame is
-    """
+    """Return the frames whose true range [m] is within the limits of a requirement; raise `error` without any."""
     assert requirement.between_m is not None
     low, high = requirement.between_m
     chosen: np.ndarray = numbers[(range_m >= low) & (range_m <= high)]

@@ -182,12 +182,7 @@ def _format_row(result: RequirementResult) -> tuple[str, ...]:
 
 
 def _describe_bounds(result: RequirementResult, unit: str) -> str:
-    """Describe the confidence bounds that decide; empty for a quantity without noise.
-
-    Parameters
-    ----------
-    unit : with a space before it
-    """
+    """Describe the confidence bounds that decide; empty for a quantity without noise."""
     asked = result.requirement
     if asked.confidence is None:
         return ""

@@ -96,12 +96,7 @@ def verify(
 def _verify_frames(
     asked: Requirements, make: Callable[[Callable[[], None]], FlownFrames], tell: Progress
 ) -> VerificationMatrix:
-    """Verify requirements on frames of one scenario, simulated or recorded.
-
-    Parameters
-    ----------
-    make : makes the frames from a function that they call after each frame
-    """
+    """Verify requirements on frames of one scenario, simulated or recorded."""
     done = [0, 0]
 
     def ready() -> None:
@@ -134,12 +129,7 @@ def _check(asked: Requirements, figures: ComputedFigures) -> None:
 
 
 def _name_place(asked: Requirements, number: int) -> str:
-    """Return the place of a requirement in its file.
-
-    Parameters
-    ----------
-    asked, number : the requirements, and the index of one
-    """
+    """Return the place of a requirement in its file."""
     return f"{asked.where}: requirement[{number}] ({asked.requirement[number].id})"
 
 
@@ -229,12 +219,7 @@ def _verify_study(
     trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> VerificationMatrix:
-    """Verify requirements at each point of a study.
-
-    Parameters
-    ----------
-    trust_code, trust_fmu : as in `verify`
-    """
+    """Verify requirements at each point of a study."""
     definition = study.study if isinstance(study, Trade) else study
     needed = tuple(
         dict.fromkeys(requirement.quantity for requirement in asked.requirement if requirement.what.kind == "merit")
