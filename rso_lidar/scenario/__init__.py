@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     )
     from rso_lidar.scenario.scenario import (
         Scenario,
+        find_target,
         require_scenario,
     )
     from rso_lidar.scenario.tables.constraints import (
@@ -137,6 +138,7 @@ __all__ = [
     "find_examples",
     "find_probability",
     "find_symmetry",
+    "find_target",
     "find_taxonomy",
     "get_field",
     "is_in_field",

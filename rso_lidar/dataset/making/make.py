@@ -27,7 +27,7 @@ from rso_lidar.dataset.shards.shard_file import hash_file, write_shard
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, RsoLidarError, RunError, suppress_warnings
 from rso_lidar.files import convert_path, hold_lock
-from rso_lidar.processes import Processes, open_dask_client
+from rso_lidar.processes import map_unordered, open_dask_client
 
 _TRIED = 40  # samples that are drawn before the first shard, so that a wrong law is found at once
 _LIBRARIES = ("rso-lidar", "numpy", "scipy", "numba", "embreex")
@@ -102,7 +102,7 @@ def _make_shards(
     tell = on_shard or (lambda done, count: None)
     tell(len(chosen) - len(left), len(chosen))
     if scheduler is None:
-        records = _make_by_processes(plan, place, left, workers)
+        records = map_unordered(partial(make_shard, plan, place), map(plan.shard, left), min(workers, len(left)))
     else:
         records = make_shards_by_dask(plan, place, left, workers, scheduler)
     for done, record in enumerate(records, len(chosen) - len(left) + 1):
@@ -165,17 +165,6 @@ def check_samples(plan: DatasetPlan) -> None:
                 draw_sample(plan, index)
             for forced in list_ends(plan.spec, k):
                 draw_sample(plan, int(mine[0]), forced)
-
-
-def _make_by_processes(plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers: int) -> Iterator[ShardRecord]:
-    """Make shards by worker processes, and yield the record of each when it is finished, in any order."""
-    count = min(workers, len(numbers))
-    if count < 2:
-        for number in numbers:
-            yield make_shard(plan, folder, plan.shard(number))
-        return
-    with Processes(count, partial(make_shard, plan, folder)) as processes:
-        yield from processes.map_unordered(map(plan.shard, numbers))
 
 
 def make_shard(plan: DatasetPlan, folder: Path, place: ShardPlace) -> ShardRecord:

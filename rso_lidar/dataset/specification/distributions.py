@@ -303,7 +303,7 @@ def check_components(law: Any, count: int, place: str) -> None:
             raise ScenarioError(f"{place}: draws {value!r:.60}, and the field needs {needs}; choose another law")
 
 
-def check_range(law: Any, place: str) -> None:
+def check_range(law: Any) -> None:
     """Check that a law draws ranges: numbers above 0, so that no body is in the lidar or behind it.
 
     Raises
@@ -311,7 +311,7 @@ def check_range(law: Any, place: str) -> None:
     ScenarioError
         If it draws something else.
     """
-    check_components(law, 1, place)
+    check_components(law, 1, "range_m")
     least = min(law.values) if isinstance(law, Choice) else float(np.min(law.low))
     if least <= 0.0:
-        raise ScenarioError(f"{place}: draws {least:g} m, and a range is above 0; raise its lower bound")
+        raise ScenarioError(f"range_m: draws {least:g} m, and a range is above 0; raise its lower bound")

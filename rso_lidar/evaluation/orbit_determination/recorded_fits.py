@@ -118,12 +118,12 @@ def fit_own_orbit(
         For a recording without frames or GNSS, in a local world, or with burns.
     """
     scenario = _check_frames(frames, folder)
-    part = find_sensor(scenario, Gnss, sensor, "fit")
+    part = find_sensor(scenario, Gnss, sensor)
     if part is None:
         raise RecordingError('fit: the recording has no GNSS; record it with a [[sensor]] of type "gnss"')
     attitude = None
     if any(part.antenna_m):
-        attitude = find_attitude(scenario, frames, known_attitude=known_attitude, asked_by="fit")
+        attitude = find_attitude(scenario, frames, known_attitude=known_attitude)
     return _fit_gnss(scenario, frames, part, attitude, epoch_s, forces, gate)
 
 
@@ -188,7 +188,7 @@ def fit_relative_orbit(
     source = frames[0].source
     number = find_target(source, target, "fit")
     name = source.targets[number].name
-    attitude = find_attitude(scenario, frames, known_attitude=known_attitude, asked_by="fit")
+    attitude = find_attitude(scenario, frames, known_attitude=known_attitude)
     if attitude is None:
         raise RecordingError(
             'fit: the recording has no star tracker; record it with a [[sensor]] of type "star_tracker", or take the '
@@ -196,7 +196,7 @@ def fit_relative_orbit(
         )
     part = None
     if own is None and not known_orbit:
-        part = find_sensor(scenario, Gnss, None, "fit")
+        part = find_sensor(scenario, Gnss, None)
         if part is None:
             raise RecordingError(
                 'fit: the recording has no GNSS; record it with a [[sensor]] of type "gnss", or take the follower\'s orbit '
@@ -296,7 +296,7 @@ def _fit_gnss(
     epoch_s : instant of the state [s] (None: the first solution)
     forces, gate : as for `fit_own_orbit`
     """
-    samples = join_observed([frame.observation for frame in frames], part.name, "fit")
+    samples = join_observed([frame.observation for frame in frames], part.name)
     assert isinstance(samples, GnssSamples)
     return fit_own_state(
         *read_gnss(samples, part, attitude),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion
-from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.errors import ScenarioError
 from rso_lidar.mission_analysis.budgets.pixel_light import filled_pixel_photons
 from rso_lidar.mission_analysis.time_history.open_loop import choose_rows, find_umbras, fly_open_loop, format_utc
 from rso_lidar.mission_analysis.time_history.opportunities import DetectionOpportunity, find_opportunities
@@ -21,7 +21,7 @@ from rso_lidar.mission_analysis.time_history.timeline_figure import timeline_fig
 from rso_lidar.picture import SavedResult
 from rso_lidar.pose import ROOT, cross, dot, rotate_vectors
 from rso_lidar.records import PtuAngles, Truth, compute_viewing_geometry
-from rso_lidar.scenario import Scenario, require_scenario
+from rso_lidar.scenario import Scenario, find_target, require_scenario
 from rso_lidar.scene import Surface
 
 CASTS = 300  # greatest number of frames at which rays are cast
@@ -87,7 +87,7 @@ def timeline(
         For a scenario without targets, a name that is not known, and values outside their limits.
     """
     require_scenario(scenario, "timeline")
-    number = _find_target(scenario, target)
+    number = find_target(scenario, target, "timeline")
     if casts < 1:
         raise ScenarioError(f"casts: needs a whole number from 1, not {casts}")
     frames = choose_rows(scenario, every_s)
@@ -110,17 +110,6 @@ def timeline(
         max_rate_rad_s=getattr(response, "max_rate_rad_s", np.inf),
         shadow_s=None if shadows is None else tuple(shadows),
     )
-
-
-def _find_target(scenario: Scenario, target: str | None) -> int:
-    names = [candidate.name for candidate in scenario.target]
-    if not names:
-        raise ScenarioError("timeline: the scenario has no target; add a [[target]]")
-    if target is not None and target not in names:
-        raise ScenarioError(
-            f"timeline: no target named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
-        )
-    return 0 if target is None else names.index(target)
 
 
 def _tabulate_geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:

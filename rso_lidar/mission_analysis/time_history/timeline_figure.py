@@ -19,6 +19,7 @@ _PANEL_IN = 1.42  # height of a panel [inches]
 _WHOLE = 0.999  # share of the bounds in the field from which the whole target counts as in it
 _SOME = 1e-6  # below this share, none of it does
 _DASHED = (0, (4, 3))
+_DRIVES = (("pan", palette.BLUE), ("tilt", palette.GREEN))
 _LEGEND = 0.22  # height of a legend of one line over that of a panel
 Table = Mapping[str, np.ndarray]
 
@@ -168,13 +169,12 @@ def _draw_sky_light(axes: Axes, table: Table) -> None:
 
 def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, float]] | None) -> None:
     """Draw pan and tilt, demanded and true, with their limits [rad]."""
-    for word, colour in (("pan", palette.BLUE), ("tilt", palette.GREEN)):
-        axes.plot(table["time_s"], table[f"{word}_demand_rad"] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3)
-        axes.plot(table["time_s"], table[f"{word}_actual_rad"] / DEG, color=colour, lw=figures.LINE_PT, label=word)
+    for word, colour in _DRIVES:
+        _draw_followed(axes, table, word, colour, f"{word}_demand_rad", f"{word}_actual_rad")
         _mark(axes, table, f"{word}_beyond_travel", f"{word}_demand_rad", f"{word} beyond its travel")
     figures.style_axes(axes, y="PTU [deg]\npale: demanded")
     figures.widen_short_axis(axes, 0.01)
-    for (low, high), colour in zip(travel_rad or (), (palette.BLUE, palette.GREEN), strict=False):
+    for (low, high), (_, colour) in zip(travel_rad or (), _DRIVES, strict=False):
         _draw_limit(axes, low / DEG, colour)
         _draw_limit(axes, high / DEG, colour)
     _draw_legend(axes)
@@ -182,11 +182,8 @@ def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, flo
 
 def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
     """Draw the rates of pan and tilt, demanded and true, with their limit [rad/s] unless infinite."""
-    for word, colour in (("pan", palette.BLUE), ("tilt", palette.GREEN)):
-        axes.plot(
-            table["time_s"], table[f"{word}_demand_rate_rad_s"] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3
-        )
-        axes.plot(table["time_s"], table[f"{word}_rate_rad_s"] / DEG, color=colour, lw=figures.LINE_PT, label=word)
+    for word, colour in _DRIVES:
+        _draw_followed(axes, table, word, colour, f"{word}_demand_rate_rad_s", f"{word}_rate_rad_s")
         _mark(axes, table, f"{word}_at_greatest_rate", f"{word}_rate_rad_s", f"{word} at its greatest rate")
     most = max_rate_rad_s / DEG
     figures.style_axes(axes, y="PTU rates\n[deg/s]")
@@ -198,6 +195,12 @@ def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
             [], [], color=palette.INK, lw=figures.THIN_PT, ls=_DASHED, label=f"greatest rate ±{most:g}°/s{beyond}"
         )
     _draw_legend(axes)
+
+
+def _draw_followed(axes: Axes, table: Table, word: str, colour: str, demanded: str, true: str) -> None:
+    """Draw a column over the pale one that it follows."""
+    axes.plot(table["time_s"], table[demanded] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3)
+    axes.plot(table["time_s"], table[true] / DEG, color=colour, lw=figures.LINE_PT, label=word)
 
 
 def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:

@@ -17,7 +17,7 @@ from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.files import check_writable, write_columns
 from rso_lidar.motion import get_chief_name
 from rso_lidar.picture import SavedResult
-from rso_lidar.processes import Processes
+from rso_lidar.processes import check_workers, map_unordered
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.study.dispersions.dispersion_figure import dispersion_figure
 from rso_lidar.study.dispersions.kept_runs import identify_runs, read_blocks, write_blocks
@@ -102,18 +102,12 @@ class DispersedMission(SavedResult):
         origin, whole = (float(np.mean(self.table[column])) for column in ("held_fraction", "whole_held_fraction"))
         lines.append(f"  in the field      origin {origin:.1%}, whole body {whole:.1%} of the samples")
         lines.append(f"  P(detected by the end) {last['detected_probability']:.4g}")
-        nearest = np.percentile(self.table["nearest_m"], PERCENTILES)
-        lines.append(
-            "  nearest approach  "
-            + " / ".join(f"{percentile_m:,.1f}" for percentile_m in nearest)
-            + " m (2.5, 50, 97.5 %)"
-        )
-        spent = np.percentile(self.table["delta_v_m_s"], PERCENTILES)
-        lines.append(
-            "  delta-v of burns  "
-            + " / ".join(f"{percentile_m_s:,.4f}" for percentile_m_s in spent)
-            + " m/s (2.5, 50, 97.5 %)"
-        )
+        for word, column, form, unit in (
+            ("nearest approach", "nearest_m", ",.1f", "m"),
+            ("delta-v of burns", "delta_v_m_s", ",.4f", "m/s"),
+        ):
+            levels = " / ".join(f"{level:{form}}" for level in np.percentile(self.table[column], PERCENTILES))
+            lines.append(f"  {word}  {levels} {unit} (2.5, 50, 97.5 %)")
         lines.append("  at the end            runs    linear  " + "".join(f"{name:>12}" for name in self.sources))
         for axis in _AXES:
             shares = "".join(f"{100.0 * last[f'{axis}_{name}_share']:10.1f} %" for name in self.sources)
@@ -232,8 +226,7 @@ def disperse(
     require_scenario(scenario, "disperse")
     if not isinstance(runs, int) or isinstance(runs, bool) or not 2 <= runs <= _MOST_RUNS:
         raise ScenarioError(f"runs: needs a whole number from 2 to {_MOST_RUNS:,}, not {runs!r}")
-    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
-        raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
+    check_workers(workers)
     if executor is not None and (workers is not None or not callable(getattr(executor, "submit", None))):
         raise ScenarioError(
             "executor: needs an Executor of concurrent.futures, or client.get_executor() of dask, and no workers"
@@ -246,7 +239,7 @@ def disperse(
     tell(min(BLOCK * sum(begin in blocks for begin in wanted), runs), runs)
     left = [first_run for first_run in wanted if first_run not in blocks]
     flown = (
-        _fly_blocks(mission_disperser, left, workers)
+        map_unordered(partial(_fly_block, mission_disperser), left, min(workers or 1, len(left)))
         if executor is None
         else _submit_blocks(mission_disperser, left, executor)
     )
@@ -271,17 +264,6 @@ def _find_target(scenario: Scenario, target: str | None) -> str:
     if scenario.is_local or not orbiting >= {name, scenario.bodies[-1].name}:
         raise ScenarioError("disperse: needs orbits about the Earth, of the follower and of the target")
     return name
-
-
-def _fly_blocks(
-    mission_disperser: MissionDisperser, begins: list[int], workers: int | None
-) -> Iterator[tuple[int, Block]]:
-    """Fly blocks of runs, and yield each with its first run when it is finished."""
-    if workers is None or workers < 2 or len(begins) < 2:
-        yield from ((begin, mission_disperser.fly(range(begin, begin + BLOCK))) for begin in begins)
-        return
-    with Processes(min(workers, len(begins)), partial(_fly_block, mission_disperser)) as processes:
-        yield from processes.map_unordered(begins)
 
 
 def _submit_blocks(

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean
+from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.evaluation import load_scenario, tracking
 from rso_lidar.mission_analysis import fly_open_loop
 from rso_lidar.records import Frame, compute_viewing_geometry
-from rso_lidar.scenario import Scenario
+from rso_lidar.scenario import Scenario, find_target
 from rso_lidar.simulation import simulate
 from rso_lidar.study.trades.merits import CountedFrames, bounding_diagonal_m
 from rso_lidar.study.trades.run_sums import FrameSums, sum_frame
@@ -28,9 +28,10 @@ class FlownFrames(ABC):
     `ready` is called after each frame that was simulated or read.
     """
 
-    def __init__(self, scenario: Scenario, target: str | None, ready: Callable[[], None]) -> None:
+    def __init__(self, scenario: Scenario, target: str | None, ready: Callable[[], None], n_runs: int = 1) -> None:
         """Start without frames."""
-        self.scenario, self.number = scenario, find_target(scenario, target)
+        self.n_runs = n_runs
+        self.scenario, self.number = scenario, find_target(scenario, target, "requirements")
         self._ready = ready
         self._size_m = bounding_diagonal_m(scenario, self.number)
         self._sums: dict[tuple[int, int], FrameSums] = {}
@@ -47,11 +48,6 @@ class FlownFrames(ABC):
     @abstractmethod
     def _track(self, run: int, numbers: np.ndarray, *, poses: bool) -> dict[str, np.ndarray]:
         """Return the table of the tracker over the frames of a run, whose sums are kept in passing."""
-
-    @property
-    @abstractmethod
-    def n_runs(self) -> int:
-        """Number of runs."""
 
     def count(self, requirements: Sequence[Requirement]) -> int:
         """Return the number of frames to simulate or read for some requirements, an estimate for a progress bar."""
@@ -96,14 +92,9 @@ class SimulatedFrames(FlownFrames):
         self, scenario: Scenario, target: str | None, ready: Callable[[], None], seeds: int, threads: int | None
     ) -> None:
         """Start without frames."""
-        super().__init__(scenario, target, ready)
-        self._seeds, self._threads = seeds, threads
+        super().__init__(scenario, target, ready, seeds)
+        self._threads = threads
         self._range_m: np.ndarray | None = None
-
-    @property
-    def n_runs(self) -> int:
-        """Number of runs."""
-        return self._seeds
 
     def select(self, requirement: Requirement) -> np.ndarray:
         """Return the indices of the frames that count for a requirement, or raise `ScenarioError` where there are none."""
@@ -142,11 +133,6 @@ class RecordedFrames(FlownFrames):
         stored = getattr(frames, "frame_index", None)
         self._index = np.array([frame.index for frame in frames]) if stored is None else np.asarray(stored[:])
         self._range_m: np.ndarray | None = None
-
-    @property
-    def n_runs(self) -> int:
-        """Number of runs."""
-        return 1
 
     def select(self, requirement: Requirement) -> np.ndarray:
         """Return the indices of the frames that count for a requirement, or raise `RecordingError` where there are none."""
@@ -205,24 +191,6 @@ def follows_frames(requirement: Requirement) -> bool:
 def needs_poses(requirement: Requirement) -> bool:
     """Return whether a requirement needs ICP."""
     return requirement.what.column.startswith("icp_")
-
-
-def find_target(scenario: Scenario, target: str | None) -> int:
-    """Return the index of the target that requirements are about, by its name (None: the first).
-
-    Raises
-    ------
-    ScenarioError
-        For a scenario without it.
-    """
-    names = [candidate.name for candidate in scenario.target]
-    if not names:
-        raise ScenarioError("requirements: the scenario has no target; add a [[target]]")
-    if target is not None and target not in names:
-        raise ScenarioError(
-            f"requirements: target: none is named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
-        )
-    return 0 if target is None else names.index(target)
 
 
 def _choose_between(

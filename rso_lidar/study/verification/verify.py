@@ -16,7 +16,7 @@ from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.execution import Trade, trade
-from rso_lidar.study.trades.merits import MERITS, Run, list_evaluated
+from rso_lidar.study.trades.merits import MERITS, Run, list_evaluated, measure_tracker_error_m
 from rso_lidar.study.trades.run_sums import RunSums
 from rso_lidar.study.verification.evidence import Evidence, bound_merit, bound_series
 from rso_lidar.study.verification.figures import ComputedFigures
@@ -32,7 +32,6 @@ from rso_lidar.study.verification.quantities import STATISTICS
 from rso_lidar.study.verification.requirements_file import Requirement, Requirements
 
 Progress = Callable[[int, int], None]
-_AXES = ("right", "down", "ahead")
 
 
 def verify(
@@ -170,7 +169,7 @@ def _find_evidence(requirement: Requirement, flown: FlownFrames, figures: Comput
                 requirement.confidence,
                 9,
             )
-        errors = [np.linalg.norm([table[f"cv_error_{axis}_m"] for axis in _AXES], axis=0) for table in tables]
+        errors = [measure_tracker_error_m(table) for table in tables]
         merit = MERITS[requirement.quantity]
         return bound_series(errors, STATISTICS["rms"], requirement.confidence, merit.decimals)
     run = Run(flown.scenario, flown.number, RunSums(0, 0.0), np.empty(0), numbers)
