@@ -93,11 +93,10 @@ class PoseErrors:
 
 @dataclass(frozen=True, eq=False)
 class PoseScores:
-    """Scores of poses: figures of merit, medians in bins, and the errors themselves."""
+    """Scores of poses: figures of merit, and medians in bins."""
 
     merits: tuple[FigureOfMerit, ...]
     bins: tuple[Bins, ...]
-    errors: PoseErrors
 
 
 def find_pose_errors(
@@ -181,7 +180,7 @@ def score_poses(truth: FrameTruth, errors: PoseErrors) -> PoseScores:
                     Ratios(all_of, area, measured), False,
                 )
             )  # fmt: skip
-    return PoseScores(tuple(merits), tuple(_bin_medians(truth, errors, asked)), errors)
+    return PoseScores(tuple(merits), tuple(_bin_medians(truth, errors, asked)))
 
 
 def _bin_medians(truth: FrameTruth, errors: PoseErrors, asked: np.ndarray) -> list[Bins]:

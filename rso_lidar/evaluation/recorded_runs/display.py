@@ -12,11 +12,11 @@ from typing import ClassVar
 from rso_lidar import picture
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
 from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario, load_surfaces
-from rso_lidar.evaluation.recorded_runs.player import Colour, find_fullest_frame, play, save_view, window_backend
+from rso_lidar.evaluation.recorded_runs.player import Colour, Player, find_fullest_frame, play, window_backend
 from rso_lidar.export import Frames, Recording
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import make_temporary_folder
-from rso_lidar.picture import ANIMATION_SUFFIXES, FIGURE_SUFFIXES, LIGHT, Scheme, Shape, rerun_scene
+from rso_lidar.picture import ANIMATION_SUFFIXES, FIGURE_SUFFIXES, LIGHT, Scheme, Shape, rerun_scene, save_figure
 from rso_lidar.records import Frame, Source
 
 _SCENE = ".rrd"
@@ -197,7 +197,7 @@ def _write_pictures(
             contents.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _count_frames(count))
         else:
             best = frames[find_fullest_frame(frames)]
-            save_view([best], path, shapes, colour, scheme)
+            save_figure(Player([best], shapes, colour, controls=False, scheme=scheme).figure, path)
             contents.append(f"frame {best.index}" + f" alone, of {count}, for its many returns" * (count > 1))
     return contents
 

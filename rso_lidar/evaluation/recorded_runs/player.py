@@ -7,15 +7,12 @@ the meaning of the cloud's colour. The slider selects any frame.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import check_writable
 from rso_lidar.picture import (
-    FIGURE_SUFFIXES,
     LIGHT,
     Scale,
     Scheme,
@@ -30,7 +27,6 @@ from rso_lidar.picture import (
     find_target_returns,
     palette,
     recolour,
-    save_figure,
     summarize_frame,
 )
 from rso_lidar.records import Frame
@@ -199,26 +195,6 @@ class Player:
         axes.set_title(
             f"Cloud, colour: {self.colour}{truth}{note}", fontsize=figures.HEADING_PT, color=palette.INK, y=1.02, pad=0
         )
-
-
-def save_view(
-    frames: Sequence[Frame],
-    path: str | Path,
-    shapes: Iterable[Shape] = (),
-    colour: Colour = "range",
-    scheme: Scheme = LIGHT,
-) -> Path:
-    """Write a picture of what the window shows, of the frame with most returns among a dozen.
-
-    Returns
-    -------
-    The path of the file.
-    """
-    place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
-    if not len(frames):
-        raise RecordingError("nothing to draw: the recording has no frames")
-    first = find_fullest_frame(frames)
-    return save_figure(Player(frames, shapes, colour, first=first, controls=False, scheme=scheme).figure, place)
 
 
 def find_fullest_frame(frames: Sequence[Frame]) -> int:

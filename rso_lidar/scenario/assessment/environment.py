@@ -25,7 +25,7 @@ _NEAR_DEG = 5.0  # outside of the field: a baffle blocks little of a Sun that is
 _ECLIPSES_S = 30 * units.DAY_S  # span from the start in which eclipses are searched
 _MOST_LISTED = 3
 _EPOCHS = 8  # evenly over the run, beside those at which a body is nearest
-_LOUDER = 1.05  # noise in stray light over noise in the dark, from which a warning is given
+LOUDER = 1.05  # noise in sunlight or stray light over noise in the dark, from which a warning is given
 
 
 def describe_environment(mission: Mission, preview: Preview) -> list[str]:
@@ -217,7 +217,7 @@ def advise_on_glare(mission: Mission, preview: Preview, around: SkyGeometry) -> 
     worst = find_first_greatest(light.sum(axis=1) + image)
     total = float(light[worst].sum() + image[worst])
     louder = detector.noise_growth(mission.instrument.detector, total)
-    if louder < _LOUDER:
+    if louder < LOUDER:
         return []
     body = STRAY_BODIES[find_first_greatest(light[worst])]
     what = (

@@ -106,8 +106,6 @@ def measure_part_depths_m(mission: Mission, preview: Preview, number: int) -> Ma
 def _find_listed_interval_m(mission: Mission, over: float) -> tuple[float, float] | None:
     """Return the separations [m] at which two returns with `over` times the threshold are both listed; None without any."""
     lidar = mission.instrument
-    if lidar.detector.traits.max_returns == 1:
-        return None
     return simulate_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).interval_m(
         _LISTED_PROBABILITY
     )

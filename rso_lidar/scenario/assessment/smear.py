@@ -97,7 +97,8 @@ def advise_on_exposure(mission: Mission, preview: Preview) -> list[str]:
         (smear.pixels, 1.0, "pixels across the line of sight"),
         (smear.depth_m / pulse_m, 1.0 / pulse_m, "m along the line of sight"),
     ):
-        if (at := int(np.argmax(moved))) >= 0 and moved[at] > _SMEARED:
+        at = int(np.argmax(moved))
+        if moved[at] > _SMEARED:
             lines.append(
                 f"targets move up to {moved[at] / unit:.3g} {words} between the first and the last pulse of a frame, "
                 f"at {preview.time_s[at]:g} s; raise lidar.laser.pulse_rate_hz, or lower the pulses of the detector"
