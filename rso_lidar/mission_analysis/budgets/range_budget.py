@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +13,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector import false_alarm_probability
 from rso_lidar.errors import ScenarioError
-from rso_lidar.files import check_writable, write_text
+from rso_lidar.files import check_writable, format_csv, write_text
 from rso_lidar.mission_analysis.budgets.budget_figure import budget_figure
 from rso_lidar.mission_analysis.budgets.inputs import (
     check_angles_deg,
@@ -85,15 +83,13 @@ class Budget:
 
     def csv_text(self) -> str:
         """Return all curves as one CSV table with a row for each range; column names end in their unit."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["material", "tilt_deg", "divergence_deg", *self.COLUMNS])
+        rows: list[list[Any]] = [["material", "tilt_deg", "divergence_deg", *self.COLUMNS]]
         for curve in self.curves:
             columns = [getattr(curve, name) for name in self.COLUMNS]
             for row in zip(*columns, strict=True):
                 values = [int(value) if isinstance(value, np.bool_) else f"{float(value):.7g}" for value in row]
-                writer.writerow([curve.material, f"{curve.tilt_deg:g}", f"{curve.divergence_deg:g}", *values])
-        return text.getvalue()
+                rows.append([curve.material, f"{curve.tilt_deg:g}", f"{curve.divergence_deg:g}", *values])
+        return format_csv(rows)
 
     def figure(self) -> Any:
         """Return the figure of photons, probability, precision and pixels against range."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import datetime
-import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.files import write_text
+from rso_lidar.files import format_csv, write_text
 from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
 from rso_lidar.mission_analysis.passes.exclusion import keep_out_radius_m, select_rtn_corridors
 from rso_lidar.mission_analysis.passes.pass_geometry import (
@@ -262,12 +260,9 @@ class Encounters:
         RecordingError
             If the file exists or cannot be written there.
         """
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
         names = Encounter.columns()
-        writer.writerow(names)
-        writer.writerows([_format_cell(name, getattr(row, name)) for name in names] for row in self.rows)
-        return write_text(path, text.getvalue(), overwrite=overwrite)
+        rows = [[_format_cell(name, getattr(row, name)) for name in names] for row in self.rows]
+        return write_text(path, format_csv([names, *rows]), overwrite=overwrite)
 
 
 def _format_seconds(time_s: float) -> str:

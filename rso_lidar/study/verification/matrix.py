@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 from collections.abc import Mapping
@@ -11,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from rso_lidar.files import check_writable, write_text
+from rso_lidar.files import check_writable, format_csv, write_text
 from rso_lidar.study.verification.requirements_file import Requirement
 from rso_lidar.units import align_columns
 
@@ -104,13 +102,7 @@ class VerificationMatrix:
 
     def csv_text(self) -> str:
         """Return all results as CSV, one row for each requirement; a number that does not exist is empty."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(_COLUMNS)
-        for result in self.results:
-            row = _tabulate(result)
-            writer.writerow(["" if row[name] is None else row[name] for name in _COLUMNS])
-        return text.getvalue()
+        return format_csv([_COLUMNS, *(_tabulate(result).values() for result in self.results)])
 
     def json_text(self) -> str:
         """Return all results as JSON, with the counts of verdicts and the versions; a number that does not exist is null."""
