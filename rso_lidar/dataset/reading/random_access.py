@@ -209,10 +209,6 @@ class Split:
         """Return an array of a shard: an h5py dataset of images, or the values of smaller entries.
 
         Numbers stay in memory after the shard is closed, so that opening it again costs less.
-
-        Parameters
-        ----------
-        shard, name : number of the shard, and name of the array
         """
         if self._process == os.getpid() and name in self._numbers.get(shard, ()):
             self._numbers.move_to_end(shard)

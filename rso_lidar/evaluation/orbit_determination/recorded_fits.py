@@ -292,9 +292,7 @@ def _fit_gnss(
 
     Parameters
     ----------
-    attitude : of the follower, where its antenna is beside the origin
     epoch_s : instant of the state [s] (None: the first solution)
-    forces, gate : as for `fit_own_orbit`
     """
     samples = join_observed([frame.observation for frame in frames], part.name)
     assert isinstance(samples, GnssSamples)

@@ -149,13 +149,7 @@ def _show(
     each: Iterable[Frame] | None,
     scheme: Scheme,
 ) -> tuple[str, ...]:
-    """Show frames in the chosen way, and describe the frames that each file shows.
-
-    Parameters
-    ----------
-    folder : folder of the mesh files that the scenario names (None: the working folder)
-    each : iterator over the same frames that reports progress while a scene is written (None: `frames`)
-    """
+    """Show frames in the chosen way, and describe the frames that each file shows."""
     if colour not in ViewerChoice.COLOURS:
         known = ViewerChoice.COLOURS
         raise RecordingError(f"view: no colour '{colour}'{did_you_mean(colour, known)} (known: {', '.join(known)})")

@@ -113,13 +113,7 @@ class AttitudeSearch:
     def _evaluate(
         self, attitudes: Sequence[Attitude], range_m: float, phases: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return probabilities and photons of attitudes at a range.
-
-        Parameters
-        ----------
-        attitudes, range_m : the attitudes, and the range [m]
-        phases : (attitude, right_down) places in the pixel grid
-        """
+        """Return probabilities and photons of attitudes at a range [m]; phases (attitude, right_down) in the pixel grid."""
         lidar = follow_gate(self._lidar, range_m)
         truths = [self._place(attitude, range_m, phase) for attitude, phase in zip(attitudes, phases, strict=True)]
         covered = math.pi * (self.radius_m / range_m / lidar.receiver.pixel_tangent) ** 2

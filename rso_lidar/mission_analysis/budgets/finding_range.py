@@ -246,13 +246,7 @@ def _choose_span_m(lidar: Lidar, given: Any, radius_m: float) -> tuple[float, fl
 
 
 def _scan_inward(probability: Callable[[float], float], near_m: float, far_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Scan ranges [m] from the farthest to where the body is almost always found; return them ascending, and probabilities.
-
-    Parameters
-    ----------
-    probability : function of a range [m]
-    near_m, far_m : nearest and farthest range [m]
-    """
+    """Scan ranges [m] inward to where the body is almost always found; return them ascending, and probabilities."""
     scanned: dict[float, float] = {}
     n = max(math.ceil(math.log(far_m / near_m) / math.log(_SCAN_RATIO)), 4) + 1
     for at in np.geomspace(far_m, near_m, n).tolist():

@@ -218,13 +218,7 @@ def _build_batch(
     sky: ExclusionAngles,
     each_side: int,
 ) -> list[Encounter]:
-    """Build the encounters of some close approaches.
-
-    Parameters
-    ----------
-    reach : nearest and farthest range of the lidar [m]
-    max_slew_deg_s : limit of the slew rate [deg/s]
-    """
+    """Build the encounters of some close approaches."""
     lead, objects = screened.follower, screened.objects
     which, first = (np.array(numbers) for numbers in zip(*((stay.which, stay.lead) for stay in stays), strict=True))
     time_s = np.array([stay.time_s for stay in stays])
@@ -307,8 +301,6 @@ def _integrate_stays(
     Parameters
     ----------
     speed_m_s : (stay) relative speed at the closest approach [m/s]
-    reach : nearest and farthest range of the lidar [m]
-    max_slew_deg_s : greatest rate of the line of sight [deg/s]
     """
     nearest = np.array([stay.time_s for stay in stays])
     range_m = np.array([stay.range_m for stay in stays])

@@ -130,13 +130,7 @@ def _point_lidar(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarra
 def _trace_target(
     name: str, surfaces: Sequence[Surface], poses: PoseTree, half_field: np.ndarray, n_epochs: int
 ) -> TargetGeometry:
-    """Compute how the lidar sees one target.
-
-    Parameters
-    ----------
-    surfaces : of the target: its body's, and one for each hinge
-    half_field : (time, 2) tangents of the half field to the right and down
-    """
+    """Compute how the lidar sees one target through half fields (time, 2), tangents to the right and down."""
     seen, _ = poses.place("lidar", name)
     # The range rate from the follower: the PTU's rotation changes no distance.
     link = poses.link("follower", name)

@@ -310,10 +310,6 @@ def _bound_point(requirement: Requirement, values: np.ndarray, n_points: int) ->
     """Return the mean of a figure of merit over the seeds of a point, with bounds by Student's t.
 
     A verdict ``not met`` needs one point only, so its bounds have the confidence 1 − (1 − c) / points (Bonferroni).
-
-    Parameters
-    ----------
-    values : of its quantity, one for each seed
     """
     mean = float(np.mean(values)) if np.isfinite(values).all() else math.nan
     sample = f"{len(values)} run{'s' * (len(values) != 1)}"
