@@ -39,6 +39,14 @@ class Bins:
     series: Mapping[str, Sequence[Statistic]]
 
 
+@dataclass(frozen=True, eq=False)
+class BinnedScores:
+    """Scores of predictions of poses or pixels: figures of merit, and statistics in bins."""
+
+    merits: tuple[FigureOfMerit, ...]
+    bins: tuple[Bins, ...]
+
+
 @dataclass(frozen=True)
 class Value:
     """Value of a statistic with its interval, the method of the interval, and the frames and encounters that matter."""

@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.dataset.metrics.merits import HIGHER, LOWER, Bins, FigureOfMerit, find_bins, find_log_edges
+from rso_lidar.dataset.metrics.merits import HIGHER, LOWER, BinnedScores, Bins, FigureOfMerit, find_bins, find_log_edges
 from rso_lidar.dataset.metrics.weighted_statistics import Quantile, Ratios
 from rso_lidar.dataset.scoring.ground_truth import FrameTruth
-
-
-@dataclass(frozen=True, eq=False)
-class PixelScores:
-    """Scores of predictions for each pixel: figures of merit, and the same in bins."""
-
-    merits: tuple[FigureOfMerit, ...]
-    bins: tuple[Bins, ...]
 
 
 class PartCounts:
@@ -48,7 +39,7 @@ class PartCounts:
         self.asked[rows] = reported.sum(axis=(1, 2))
 
 
-def score_parts(truth: FrameTruth, counts: PartCounts, missing: np.ndarray) -> PixelScores:
+def score_parts(truth: FrameTruth, counts: PartCounts, missing: np.ndarray) -> BinnedScores:
     """Score predicted part classes over pixels that reported a return.
 
     Parameters
@@ -81,7 +72,7 @@ def score_parts(truth: FrameTruth, counts: PartCounts, missing: np.ndarray) -> P
     bins = find_bins(truth.lit_pixels, edges)
     inside = [(bins == k)[:, None] for k in range(len(edges) - 1)]
     series = [Ratios(all_of, counts.both[:, known] * mask, union[:, known] * mask) for mask in inside]
-    return PixelScores(tuple(merits), (Bins("mean_iou", "lit_pixels", "1", edges, {"mean": series}),))
+    return BinnedScores(tuple(merits), (Bins("mean_iou", "lit_pixels", "1", edges, {"mean": series}),))
 
 
 class RangeErrors:
@@ -123,7 +114,7 @@ class RangeErrors:
         self.photon_scale[rows] = (true.astype(float) ** 2).sum(axis=(1, 2))
 
 
-def score_ranges(truth: FrameTruth, errors: RangeErrors) -> PixelScores:
+def score_ranges(truth: FrameTruth, errors: RangeErrors) -> BinnedScores:
     """Score ranges at a finer resolution.
 
     Parameters
@@ -164,4 +155,4 @@ def score_ranges(truth: FrameTruth, errors: RangeErrors) -> PixelScores:
         Ratios(all_of, errors.square_m2 * (bins == k), errors.compared * (bins == k), root=True)
         for k in range(len(edges) - 1)
     ]
-    return PixelScores(tuple(merits), (Bins("fine_range_rms_m", "lit_pixels", "1", edges, {"rms": series}),))
+    return BinnedScores(tuple(merits), (Bins("fine_range_rms_m", "lit_pixels", "1", edges, {"rms": series}),))

@@ -17,6 +17,7 @@ import numpy as np
 from rso_lidar.dataset.metrics.merits import (
     HIGHER,
     LOWER,
+    BinnedScores,
     Bins,
     FigureOfMerit,
     find_bins,
@@ -91,14 +92,6 @@ class PoseErrors:
     diameter_m: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class PoseScores:
-    """Scores of poses: figures of merit, and medians in bins."""
-
-    merits: tuple[FigureOfMerit, ...]
-    bins: tuple[Bins, ...]
-
-
 def find_pose_errors(
     truth: FrameTruth,
     position_m: np.ndarray,
@@ -138,7 +131,7 @@ def find_pose_errors(
     return PoseErrors(rotation, translation, add, adds, diameter)
 
 
-def score_poses(truth: FrameTruth, errors: PoseErrors) -> PoseScores:
+def score_poses(truth: FrameTruth, errors: PoseErrors) -> BinnedScores:
     """Score the errors of poses."""
     all_of = truth.encounters
     asked = ~np.isnan(errors.translation_m)
@@ -180,7 +173,7 @@ def score_poses(truth: FrameTruth, errors: PoseErrors) -> PoseScores:
                     Ratios(all_of, area, measured), False,
                 )
             )  # fmt: skip
-    return PoseScores(tuple(merits), tuple(_bin_medians(truth, errors, asked)))
+    return BinnedScores(tuple(merits), tuple(_bin_medians(truth, errors, asked)))
 
 
 def _bin_medians(truth: FrameTruth, errors: PoseErrors, asked: np.ndarray) -> list[Bins]:

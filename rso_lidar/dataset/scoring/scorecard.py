@@ -9,13 +9,21 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rso_lidar.dataset.metrics.merits import Bins, FigureOfMerit, Value, evaluate_all, find_values, replicate
+from rso_lidar.dataset.metrics.merits import (
+    BinnedScores,
+    Bins,
+    FigureOfMerit,
+    Value,
+    evaluate_all,
+    find_values,
+    replicate,
+)
 from rso_lidar.dataset.metrics.precision_recall import RankingCurve
 from rso_lidar.dataset.metrics.weighted_statistics import Statistic, bootstrap_interval
 from rso_lidar.dataset.scoring.classification import Classification, Confusions, score_classes
 from rso_lidar.dataset.scoring.ground_truth import FrameTruth
-from rso_lidar.dataset.scoring.pixel_errors import PartCounts, PixelScores, RangeErrors, score_parts, score_ranges
-from rso_lidar.dataset.scoring.pose_errors import ModelSurface, PoseScores, find_pose_errors, score_poses
+from rso_lidar.dataset.scoring.pixel_errors import PartCounts, RangeErrors, score_parts, score_ranges
+from rso_lidar.dataset.scoring.pose_errors import ModelSurface, find_pose_errors, score_poses
 from rso_lidar.dataset.scoring.prediction_table import Predictions
 from rso_lidar.dataset.scoring.presence import Presence, score_presence
 from rso_lidar.errors import DatasetError
@@ -57,9 +65,9 @@ class RunScores:
     missing: np.ndarray
     classification: Classification | None
     presence: Presence | None
-    poses: PoseScores | None
-    parts: PixelScores | None
-    ranges: PixelScores | None
+    poses: BinnedScores | None
+    parts: BinnedScores | None
+    ranges: BinnedScores | None
     class_id: np.ndarray | None
 
     @property
@@ -243,7 +251,7 @@ def _take(values: np.ndarray, rows: np.ndarray, absent: float) -> np.ndarray:
     return taken
 
 
-def _score_parts(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) -> PixelScores:
+def _score_parts(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) -> BinnedScores:
     """Score predicted part classes."""
     counts = PartCounts(len(benchmark.truth), benchmark.part_classes)
     for at, arrays in _read_blocks(benchmark, ("part_class_id", "range_m")):
@@ -258,7 +266,7 @@ def _score_parts(predictions: Predictions, rows: np.ndarray, benchmark: Benchmar
     return score_parts(benchmark.truth, counts, rows < 0)
 
 
-def _score_ranges(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) -> PixelScores:
+def _score_ranges(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) -> BinnedScores:
     """Score predictions at a finer resolution."""
     errors = RangeErrors(len(benchmark.truth))
     names = tuple(name for name in ("oversampled_range_m", "oversampled_photons") if name in predictions.pixels)
