@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,13 +12,13 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch, describe_facing
-from rso_lidar.mission_analysis.budgets.body import choose_body
 from rso_lidar.mission_analysis.budgets.finding_figure import finding_figure
 from rso_lidar.mission_analysis.budgets.inputs import GATED_TO_M, check_probability, select_camera
 from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M
+from rso_lidar.motion import Fixed
 from rso_lidar.picture import SavedResult
 from rso_lidar.pose import quaternion_xyzw
-from rso_lidar.scenario import Finding, Lidar, Scenario
+from rso_lidar.scenario import Finding, Follower, Lidar, Scenario, Target, Time, World
 
 _SCAN_RATIO, _SCANNED_ATTITUDES = 1.35, 24  # of the ranges of the first scan, and attitudes at each
 _DRAWN = 13  # ranges at which the curve is computed, from almost always to almost never found
@@ -25,6 +26,7 @@ _SURE = 0.995
 _WORST_PLACES = 32  # places in the pixel grid, of the curve of the worst attitude
 _WITHIN = 2e-3  # relative error of solved ranges
 _NEAREST = 2.0  # radii of the body: the least range
+_AHEAD_M = 1000.0  # where the body stands before it is moved; any range does
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,3 +313,62 @@ def _describe_notes(lidar: Lidar, *, in_run: bool, has_retros: bool) -> tuple[st
 
 def _format_numbers(values: Any, digits: int) -> str:
     return "[" + ", ".join(f"{float(value) + 0.0:.{digits}f}" for value in values) + "]"
+
+
+def choose_body(lidar: Lidar, scenario: Scenario | None, body: str | None) -> tuple[Scenario, int]:
+    """Choose a body by name: a target of the scenario, or else a model or a mesh alone before the camera.
+
+    Parameters
+    ----------
+    scenario : the scenario of the camera, if any
+    body : name of a target or of a model, or path of a mesh (None: the scenario's first target)
+
+    Returns
+    -------
+    the scenario of the body, and its index there.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such body.
+    """
+    names = [] if scenario is None else [target.name for target in scenario.target]
+    if body is None:
+        if scenario is None or not names:
+            where = "a camera alone has no body" if scenario is None else "the scenario has no target"
+            raise ScenarioError(f"body: {where}; name a model, such as cubesat_3u, or the path of a mesh")
+        return scenario, 0
+    if not isinstance(body, str) or not body.strip():
+        raise ScenarioError(f"body: {body!r:.60}: is not a name; give a target, a model or the path of a mesh")
+    if scenario is not None and body in names:
+        return scenario, names.index(body)
+    try:
+        alone = _build_bench(lidar, body)
+        _ = alone.surfaces
+    except ScenarioError as error:
+        raise ScenarioError(f"body: {body}: {_explain(str(error), names)}") from None
+    return alone, 0
+
+
+def _build_bench(lidar: Lidar, model: str) -> Scenario:
+    """Build a scenario without an Earth in which a model stands before a lidar, for one frame that holds all its pulses."""
+    frame_s = max(1.0, 2.0 * lidar.exposure_s)
+    return Scenario(
+        version=1,
+        name=model,
+        world=World(axes="local"),
+        time=Time(
+            start_utc=datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC),
+            duration_s=frame_s,
+            frame_rate_hz=1.0 / frame_s,
+        ),
+        target=(Target(name="body", model=model, motion=Fixed(position_m=(_AHEAD_M, 0.0, 0.0))),),
+        follower=Follower(motion=Fixed(position_m=(0.0, 0.0, 0.0))),
+        lidar=lidar,
+    )
+
+
+def _explain(message: str, names: list[str]) -> str:
+    """Return what is wrong with a body, and the targets that a scenario has."""
+    text = message.rpartition("target body: ")[2]
+    return f"no target of that name (targets: {', '.join(names)}), and no model: {text}" if names else text
