@@ -121,6 +121,33 @@ class Processes:
                 yield self.result(future)
 
 
+def check_workers(workers: Any) -> None:
+    """Raise `ScenarioError` for a number of processes that is none; None stands for this process alone.
+
+    Parameters
+    ----------
+    workers : the number, as a user gives it
+    """
+    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
+        raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
+
+
+def map_unordered(function: Callable[[Any], Any], values: Iterable[Any], count: int) -> Iterator[Any]:
+    """Call a function with each value, and yield each result when it is ready, in any order.
+
+    Parameters
+    ----------
+    function : called with one value
+    values : its arguments
+    count : number of processes; this process alone works for less than two
+    """
+    if count < 2:
+        yield from map(function, values)
+        return
+    with Processes(count, function) as processes:
+        yield from processes.map_unordered(values)
+
+
 @contextmanager
 def call_in_background(
     function: Callable[..., Any], count: int, *, in_processes: bool

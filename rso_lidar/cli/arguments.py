@@ -74,7 +74,8 @@ def name_options(*arguments: str) -> Iterator[None]:
 
     Parameters
     ----------
-    arguments : names with which messages may begin, such as ``target_size``, the option --target-size
+    arguments : names with which messages may begin, such as ``target_size``, the option --target-size, and ``every_s``, the
+        option --every
     """
     try:
         yield
@@ -83,7 +84,7 @@ def name_options(*arguments: str) -> Iterator[None]:
         argument, space, value = place.partition(" ")
         if not colon or argument not in arguments:
             raise
-        raise ScenarioError(f"--{argument.replace('_', '-')}{space}{value}:{rest}") from None
+        raise ScenarioError(f"--{argument.removesuffix('_s').replace('_', '-')}{space}{value}:{rest}") from None
 
 
 def parse_length_m(option: str, text: str) -> float:

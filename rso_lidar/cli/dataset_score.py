@@ -8,6 +8,7 @@ import typer
 from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.dataset import (
+    Comparison,
     Dataset,
     Scorecard,
     check_score_report,
@@ -51,7 +52,7 @@ def score(
     ] = None,
     level: Annotated[
         float, typer.Option("--level", metavar="P", help="Probability of any wrong 'worse' in a comparison.")
-    ] = 0.05,
+    ] = Comparison.LEVEL,
     confidence: Annotated[
         float, typer.Option("--confidence", metavar="P", help="Confidence level of the intervals.")
     ] = Scorecard.confidence,

@@ -117,7 +117,7 @@ def encounters(
     ] = 0.0,
     max_slew: Annotated[
         float, typer.Option("--max-slew", metavar="DEG_S", help="Greatest rate of the line of sight (deg/s).")
-    ] = 2.0,
+    ] = Encounters.MAX_SLEW_DEG_S,
     sort: Annotated[
         str, typer.Option("--sort", help="Order: range, time or speed.", autocompletion=lambda: list(_ORDERS))
     ] = "range",

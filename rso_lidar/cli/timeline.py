@@ -6,7 +6,16 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from rso_lidar.cli.arguments import Dark, Overwrite, ScenarioFile, Settings, TrustCode, TrustFmu, choose_scheme
+from rso_lidar.cli.arguments import (
+    Dark,
+    Overwrite,
+    ScenarioFile,
+    Settings,
+    TrustCode,
+    TrustFmu,
+    choose_scheme,
+    name_options,
+)
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
 from rso_lidar.mission_analysis import Timeline
@@ -44,7 +53,8 @@ def timeline(
     output = check_writable(output or Path(f"{file.stem}_timeline.png"), RESULT_SUFFIXES, overwrite=overwrite)
     scheme = choose_scheme(dark, [output])
     scenario = Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
-    history = timeline_of(scenario, target, every_s=every_s)
+    with name_options("every_s"):
+        history = timeline_of(scenario, target, every_s=every_s)
     history.save(output, scheme)
     mirrored = any(
         material.is_retro

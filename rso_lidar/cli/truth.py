@@ -16,7 +16,7 @@ from rso_lidar.cli.arguments import (
     name_options,
 )
 from rso_lidar.cli.terminal import echo
-from rso_lidar.mission_analysis import check_truth_output, save_truth
+from rso_lidar.mission_analysis import TRUTH_FIGURES, check_truth_output, save_truth
 from rso_lidar.scenario import Scenario
 
 
@@ -33,8 +33,8 @@ def truth(
         typer.Option(
             "--figure",
             metavar="KIND",
-            help="Of a picture: relative, orbit, angles or ptu.",
-            autocompletion=lambda: ["relative", "orbit", "angles", "ptu"],
+            help=f"Of a picture: {', '.join(TRUTH_FIGURES[:-1])} or {TRUTH_FIGURES[-1]}.",
+            autocompletion=lambda: list(TRUTH_FIGURES),
         ),
     ] = None,
     body: Annotated[
@@ -63,7 +63,7 @@ def truth(
     with name_options("figure"):
         check_truth_output(output, figure=figure, overwrite=overwrite)
     scenario = Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
-    with name_options("body", "every"):
+    with name_options("body", "every_s"):
         place = save_truth(
             scenario, output, figure=figure, body=body, every_s=every_s, scheme=scheme, overwrite=overwrite
         )

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     )
     from rso_lidar.evaluation.recorded_runs.flown_scenario import (
         load_scenario,
+        sample_target,
     )
     from rso_lidar.evaluation.recorded_runs.frame_comparison import (
         FrameDifference,
@@ -39,9 +40,6 @@ if TYPE_CHECKING:
     from rso_lidar.evaluation.track_quality.evaluation import (
         Tracking,
         tracking,
-    )
-    from rso_lidar.evaluation.track_quality.target_mesh import (
-        sample_target,
     )
 else:
     __getattr__ = export_lazily(__name__)

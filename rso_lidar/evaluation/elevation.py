@@ -127,14 +127,7 @@ def build_elevation_map(
 
 
 def _reject_outliers(cell: np.ndarray, height: np.ndarray, n: int, coarse: int) -> np.ndarray:
-    """Return a mask of points near the median height of their coarse square.
-
-    Parameters
-    ----------
-    cell : (point) index of the cell
-    height : (point) height [m]
-    coarse : cells along a side of a coarse square
-    """
+    """Return a mask of points whose height [m] is near the median of their coarse square."""
     square = (cell // n) // coarse * n + (cell % n) // coarse
     order = np.lexsort((height, square))
     starts = np.flatnonzero(np.diff(square[order], prepend=-1))

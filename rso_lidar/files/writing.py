@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import errno
+import io
 import itertools
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -294,6 +295,18 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
     with write_atomically(place) as draft:
         draft.write_text(text, encoding="utf-8", newline="\n")
     return place
+
+
+def format_csv(rows: Iterable[Iterable[Any]]) -> str:
+    """Return rows as the text of a CSV file.
+
+    Parameters
+    ----------
+    rows : cells of each row, the first row being that of the heads
+    """
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def write_columns(place: Path, table: Mapping[str, Any]) -> Path:

@@ -69,8 +69,6 @@ if TYPE_CHECKING:
     )
     from rso_lidar.mission_analysis.time_history.czml import (
         choose_globe_samples,
-    )
-    from rso_lidar.mission_analysis.time_history.globe import (
         write_globe,
     )
     from rso_lidar.mission_analysis.time_history.open_loop import (
@@ -90,6 +88,7 @@ if TYPE_CHECKING:
         truth,
     )
     from rso_lidar.mission_analysis.time_history.truth_files import (
+        TRUTH_FIGURES,
         check_truth_output,
         draw_trajectory,
         save_truth,
@@ -99,6 +98,7 @@ else:
 
 __all__ = [
     "SYSML_MISSION",
+    "TRUTH_FIGURES",
     "Budget",
     "BudgetCurve",
     "ConjunctionAssessment",

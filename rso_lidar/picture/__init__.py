@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rso_lidar.picture.selection.window import Window
     from rso_lidar.picture.style import colour_maps, figures, html_page, palette
     from rso_lidar.picture.style.defaults import make_rc_params
-    from rso_lidar.picture.style.output import FIGURE_SUFFIXES, RESULT_SUFFIXES, save_figure, save_figure_or_table
+    from rso_lidar.picture.style.output import FIGURE_SUFFIXES, RESULT_SUFFIXES, SavedResult, save_figure
     from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
     from rso_lidar.picture.style.recolour import recolour
     from rso_lidar.picture.viewers import rerun_scene
@@ -37,6 +37,7 @@ __all__ = [
     "FIGURE_SUFFIXES",
     "LIGHT",
     "RESULT_SUFFIXES",
+    "SavedResult",
     "Scale",
     "Scheme",
     "Shape",
@@ -70,7 +71,6 @@ __all__ = [
     "recolour",
     "rerun_scene",
     "save_figure",
-    "save_figure_or_table",
     "save_frame",
     "summarize_frame",
 ]

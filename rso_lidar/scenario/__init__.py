@@ -39,9 +39,6 @@ if TYPE_CHECKING:
         place_hull,
         preview_mission,
     )
-    from rso_lidar.scenario.preview.orientations import (
-        spread_attitudes,
-    )
     from rso_lidar.scenario.preview.returns import (
         cast_surfaces,
     )
@@ -50,9 +47,11 @@ if TYPE_CHECKING:
         find_probability,
         list_run_attitudes,
         move_target,
+        spread_attitudes,
     )
     from rso_lidar.scenario.scenario import (
         Scenario,
+        find_target,
         require_scenario,
     )
     from rso_lidar.scenario.tables.constraints import (
@@ -139,6 +138,7 @@ __all__ = [
     "find_examples",
     "find_probability",
     "find_symmetry",
+    "find_target",
     "find_taxonomy",
     "get_field",
     "is_in_field",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 from rso_lidar import motion
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.records import Source, Truth
 from rso_lidar.scenario.assessment.advice import advise
@@ -68,6 +68,30 @@ class Scenario(Mission):
     def advice(self) -> list[str]:
         """Return one warning for each setting that is allowed but probably not intended."""
         return advise(self)
+
+
+def find_target(scenario: Scenario, target: str | None, asked_by: str) -> int:
+    """Return the index of a target.
+
+    Parameters
+    ----------
+    scenario : with its targets
+    target : name of the target (None: the first)
+    asked_by : beginning of the message of an error
+
+    Raises
+    ------
+    ScenarioError
+        For a scenario without targets, or without that target.
+    """
+    names = [candidate.name for candidate in scenario.target]
+    if not names:
+        raise ScenarioError(f"{asked_by}: the scenario has no target; add a [[target]]")
+    if target is not None and target not in names:
+        raise ScenarioError(
+            f"{asked_by}: no target named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
+        )
+    return 0 if target is None else names.index(target)
 
 
 def require_scenario(given: object, asked_by: str) -> None:

@@ -16,8 +16,7 @@ from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
 from rso_lidar.mission_analysis import find_range
-from rso_lidar.mission_analysis.budgets.attitude_search import place_body
-from rso_lidar.mission_analysis.budgets.facing_attitudes import face_direction
+from rso_lidar.mission_analysis.budgets.attitude_search import face_direction, place_body
 from rso_lidar.records import BodyState
 from rso_lidar.scenario import Finding, find_aspects, move_target, preview_mission, spread_attitudes
 

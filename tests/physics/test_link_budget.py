@@ -251,7 +251,7 @@ def test_precision_is_the_bound_in_amplifier_noise(validation):
 
 def test_the_light_of_the_description_is_the_same():
     """What `check` prints of a filled pixel, and the 1000 photons of Fuller et al. at 3 km."""
-    from rso_lidar.mission_analysis.budgets.link_budget import filled_pixel_photons
+    from rso_lidar.mission_analysis.budgets.pixel_light import filled_pixel_photons
 
     receiver = Receiver(fov_deg=2.5, f_number=2.8)
     for range_m in (30.0, 3000.0):

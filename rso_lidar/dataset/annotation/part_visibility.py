@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from rso_lidar import scene
@@ -16,9 +14,7 @@ from rso_lidar.scenario import Scenario
 _CELLS = 96  # along the longer side of the target's image: a silhouette of a thousand cells is known to about 1 %
 
 
-def measure_part_visibility(
-    frame: Frame, scenario: Scenario, target: int | None, part_classes: Sequence[str] = tuple(PART_CLASSES)
-) -> np.ndarray:
+def measure_part_visibility(frame: Frame, scenario: Scenario, target: int | None) -> np.ndarray:
     """Measure the visibility of each common part class of a target, as BOP defines `visib_fract`.
 
     The visibility is the visible area of the class in the image over the area of its silhouette alone. Other classes, other
@@ -33,10 +29,10 @@ def measure_part_visibility(
     -------
     (part_class) f4 from 0 to 1, NaN for classes without a silhouette.
     """
-    visibility = np.full(len(part_classes), np.nan, np.float32)
+    visibility = np.full(len(PART_CLASSES), np.nan, np.float32)
     if target is None:
         return visibility
-    class_of = number_part_classes(scenario.source, part_classes)[target]
+    class_of = number_part_classes(scenario.source, tuple(PART_CLASSES))[target]
     truth, corners, classes = scenario.apply_light_time(frame.truth), [], []
     for surface in scenario.surfaces_of(target):
         place_m, turn = truth.poses.place("lidar", surface.name)
@@ -50,7 +46,7 @@ def measure_part_visibility(
     low, high = tangents.min(axis=(0, 1)), tangents.max(axis=(0, 1))
     step = float((high - low).max()) / _CELLS
     n_cols, n_rows = (max(int(np.ceil(length / step - 1e-9)), 1) for length in high - low)
-    alone = np.zeros((len(part_classes), n_rows, n_cols), bool)
+    alone = np.zeros((len(PART_CLASSES), n_rows, n_cols), bool)
     mark_silhouettes(packed((tangents - low) / step), packed(kind.astype(np.int64)), alone)
     row, col = (places.ravel() for places in np.indices((n_rows, n_cols)))
     x, y = low[0] + (col + 0.5) * step, low[1] + (row + 0.5) * step
@@ -63,10 +59,10 @@ def measure_part_visibility(
     inside = (image_col >= 0.0) & (image_col <= receiver.n_cols) & (image_row >= 0.0) & (image_row <= receiver.n_rows)
     mine = hits.target == target
     met = class_of[hits.part[mine]]
-    covered = alone.reshape(len(part_classes), -1)
+    covered = alone.reshape(len(PART_CLASSES), -1)
     covered[met, hits.ray[mine]] = True  # cells whose centre is on an edge, to rounding
     whole = covered.sum(axis=1)
-    free = np.bincount(met[inside[mine]], minlength=len(part_classes))
+    free = np.bincount(met[inside[mine]], minlength=len(PART_CLASSES))
     visibility[whole > 0] = free[whole > 0] / whole[whole > 0]
     return visibility
 

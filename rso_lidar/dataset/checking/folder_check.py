@@ -193,13 +193,7 @@ def _find_order_leaks(dataset: Dataset) -> tuple[str, ...]:
 
 
 def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.Generator) -> tuple[int, list[str]]:
-    """Make random samples again, and return the number of compared frames and a line for each frame that differs.
-
-    Parameters
-    ----------
-    count : number of samples
-    rng : random generator that chooses the samples
-    """
+    """Make `count` random samples again; return the number of compared frames, and a line for each that differs."""
     frames, problems = 0, []
     names = list_names(plan)
     splits = [dataset.split(name) for name in dataset.splits]
@@ -222,12 +216,7 @@ def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.
 
 
 def _compare(split: Split, row: int, frame: LabelledFrame, drawn: list[float], names: tuple[str, ...]) -> list[str]:
-    """Return the names of the arrays in which a frame differs from the one in its shard.
-
-    Parameters
-    ----------
-    split, row : where the frame is
-    """
+    """Return the names of the arrays in which a frame differs from the one in its shard."""
     stored = split[row]
     arrays = {name: getattr(frame, name) for name in specs(LabelledFrame)}
     arrays |= {VARIABLE_PREFIX + name: value for name, value in zip(names, drawn, strict=True)}

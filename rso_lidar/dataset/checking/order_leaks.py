@@ -60,12 +60,7 @@ def find_order_leaks(orders: Mapping[str, np.ndarray], group: np.ndarray) -> lis
 
 
 def _try_rules(order: np.ndarray, group: np.ndarray) -> Iterator[_RuleTest]:
-    """Yield the trials of all rules on one order.
-
-    Parameters
-    ----------
-    order, group : (sample) whole numbers and classes
-    """
+    """Yield the trials of all rules on one order: whole numbers and classes (sample)."""
     count = len(order)
     if not count or len(np.unique(group)) < 2:
         return

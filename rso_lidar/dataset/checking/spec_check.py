@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.dataset.checking.leaks import find_leaks
-from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics
+from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics, find_leaks
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, list_names, list_numbers

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rso_lidar.dataset.conversion.frame_batches import choose_images
 from rso_lidar.dataset.conversion.image_folders import IMAGES, write_image_folders
 from rso_lidar.dataset.conversion.tar_archives import write_tar_archives
@@ -85,7 +87,7 @@ def export_dataset(
             info["range_step_mm"] = step_mm = write_image_folders(draft, data, chosen, info)
             lines.append(
                 f"range       {step_mm:g} mm per grey level; 0 is no return, or a range beyond "
-                f"{(2**16 - 1) * step_mm * MM:,.0f} m"
+                f"{np.iinfo(np.uint16).max * step_mm * MM:,.0f} m"
             )
         else:
             info["images"], advice = arrays, "choose arrays by --arrays, or all of them by --arrays all"
@@ -98,12 +100,7 @@ def export_dataset(
 
 
 def _choose_splits(data: Dataset, splits: Sequence[str]) -> list[str]:
-    """Return the names of the splits to write, each once.
-
-    Parameters
-    ----------
-    splits : names; all if empty
-    """
+    """Return the names of the splits to write, each once; all if none is given."""
     chosen = list(dict.fromkeys(splits or data.splits))
     if not chosen:
         raise DatasetError(f"{data.folder}: holds no frames yet; make them with --resume")
@@ -113,13 +110,7 @@ def _choose_splits(data: Dataset, splits: Sequence[str]) -> list[str]:
 
 
 def _check_format(to: str, images: Sequence[str]) -> None:
-    """Check the name of a format, and that it takes a choice of arrays.
-
-    Parameters
-    ----------
-    to : name of the format
-    images : names of the chosen arrays
-    """
+    """Check the name of a format, and that it takes a choice of arrays."""
     if to == "matlab":
         raise DatasetError("matlab: reads the shards as they are; see examples/matlab/dataset_datastore.m")
     if to not in EXPORT_FORMATS:

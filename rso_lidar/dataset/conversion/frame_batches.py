@@ -41,12 +41,7 @@ class ExportedFrame:
 
 
 def read_frames(data: Dataset, split: str, images: Sequence[str]) -> Iterator[ExportedFrame]:
-    """Read the frames of a split in their order.
-
-    Yields
-    ------
-    ExportedFrame
-    """
+    """Read the frames of a split in their order."""
     frames = data.split(split)
     columns = [name for name in frames.names if not is_image(name)]
     for batch in read_batches(frames, [*columns, *images]):
@@ -71,12 +66,7 @@ def read_batches(frames: Split, names: Sequence[str]) -> Iterator[dict[str, np.n
 
 
 def divide(frames: Iterable[ExportedFrame], size: int = FRAMES_PER_FILE) -> Iterator[Iterator[ExportedFrame]]:
-    """Divide frames into groups. Read each group to its end before the next one.
-
-    Parameters
-    ----------
-    size : number of frames of all groups but the last
-    """
+    """Divide frames into groups. Read each group to its end before the next one."""
     left = iter(frames)
     for first in left:
         yield chain([first], islice(left, size - 1))
@@ -88,10 +78,6 @@ def choose_images(frames: Split, wanted: Sequence[str]) -> list[str]:
     Parameters
     ----------
     wanted : names of arrays; ``all`` stands for all of them. If empty, `USUAL_IMAGES`
-
-    Returns
-    -------
-    list of str
 
     Raises
     ------

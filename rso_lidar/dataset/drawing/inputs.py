@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,15 @@ from rso_lidar.dataset.specification.tables import ClassOfTargets, DrawnFragment
 from rso_lidar.errors import DatasetError, MeshError, SettingError
 from rso_lidar.files import MOST_BYTES, check_regular, read_bytes
 from rso_lidar.part import parse_toml
-from rso_lidar.scenario import Fragment, Scenario, Target, build_fragment, build_whole_surface, name_fragments
+from rso_lidar.scenario import (
+    Fragment,
+    Scenario,
+    Target,
+    build_fragment,
+    build_whole_surface,
+    iterate_texts,
+    name_fragments,
+)
 from rso_lidar.scene import Mesh, is_mesh_path, load_mesh, model, models, own_models
 from rso_lidar.shipped import find
 
@@ -133,9 +140,7 @@ def hash_named_files(spec: DatasetSpec, tables: dict[str, Any], folder: Path) ->
     settings = [*spec.set]
     settings += [setting for group in (spec.classes, spec.sensor) for entry in group for setting in entry.set]
     hashes = {}
-    for text in sorted(
-        {*_list_texts(tables), *_list_texts(drawn), *_list_texts([_read_value(setting) for setting in settings])}
-    ):
+    for text in sorted(set(iterate_texts([tables, drawn, [_read_value(setting) for setting in settings]]))):
         place, colon, _ = text.rpartition(":")
         for name in (text, *([place] if colon else [])):
             path = find(name, folder) if is_mesh_path(name) else None
@@ -152,11 +157,3 @@ def _read_value(setting: str) -> Any:
         return parse_toml(f"value = {text}", "--set", SettingError)["value"]
     except SettingError:
         return text.strip()
-
-
-def _list_texts(value: Any) -> Iterator[str]:
-    """Yield all texts in tables and lists of any depth."""
-    if isinstance(value, str):
-        yield value
-    for inner in value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ():
-        yield from _list_texts(inner)

@@ -111,13 +111,17 @@ class DatasetPlan:
         scenario = Scenario.from_tables(tables, folder=self.folder, where=self.where, trust_code=self.trust_code)
         return scenario.with_trusted_fmus() if self.trust_fmu else scenario
 
+    def copy_tables(self, sensor: int) -> dict[str, Any]:
+        """Return a copy of the tables with the settings of a sensor, by its number."""
+        tables = copy.deepcopy(self.tables)
+        for setting in self.spec.sensor[sensor].set if self.spec.sensor else ():
+            apply_setting(tables, setting)
+        return tables
+
     @cached_property
     def image_shape(self) -> tuple[int, int]:
         """Rows and columns of the images: those of the first sensor."""
-        tables = copy.deepcopy(self.tables)
-        for setting in self.spec.sensor[0].set if self.spec.sensor else ():
-            apply_setting(tables, setting)
-        receiver = self.build(tables).lidar.receiver
+        receiver = self.build(self.copy_tables(0)).lidar.receiver
         return receiver.n_rows, receiver.n_cols
 
     @cached_property
@@ -139,24 +143,14 @@ class DatasetPlan:
         return np.cumsum([target_class.samples for target_class in self.spec.classes])
 
     def _find_classes(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the class (sample) of samples, and their numbers in it.
-
-        Parameters
-        ----------
-        index : (sample) numbers of the samples
-        """
+        """Return the class (sample) of samples, and their numbers in it."""
         number = shuffle_samples(self.spec.seed, index, self.spec.n_samples)
         target_class = np.searchsorted(self._ends, number, side="right").astype(np.int16)
         number -= np.concatenate(([0], self._ends[:-1]))[target_class]
         return target_class, number
 
     def place_sample(self, index: int) -> tuple[int, int, str]:
-        """Return the class of a sample, its number in the class and its split, without those of all others.
-
-        Parameters
-        ----------
-        index : number of the sample
-        """
+        """Return the class of a sample, its number in the class and its split, without those of all others."""
         target_class, number = self._find_classes(np.array([index]))
         k = int(target_class[0])
         return k, int(number[0]), SPLITS[int(self._assign(self.spec.classes[k], k, number)[0])]
@@ -170,12 +164,7 @@ class DatasetPlan:
         raise DatasetError(f"{self.spec.where}: has no sample of class {k}; choose one of its classes")
 
     def _assign(self, target_class: ClassOfTargets, k: int, number: np.ndarray) -> np.ndarray:
-        """Return the split (sample) of samples of one class.
-
-        Parameters
-        ----------
-        number : (sample) numbers in the class
-        """
+        """Return the split (sample) of samples of one class, by their numbers (sample) in it."""
         rule = self.spec.split
         if isinstance(rule, RandomSplit):
             return assign_splits(self.spec.seed, target_class.name, number, rule.val, rule.test)
@@ -190,34 +179,15 @@ class DatasetPlan:
         return assigned
 
     def choose_model(self, k: int, number: np.ndarray) -> np.ndarray:
-        """Return the index (sample) of each sample's model among those of its class.
-
-        Parameters
-        ----------
-        k : index of the class
-        number : (sample) numbers in the class
-        """
+        """Return the index (sample) of each sample's model among those of its class."""
         return self._choose(k, number, "model", len(self.class_models[k]))
 
     def choose_sensor(self, k: int, number: np.ndarray) -> np.ndarray:
-        """Return the index (sample) of each sample's sensor.
-
-        Parameters
-        ----------
-        k : index of the class
-        number : (sample) numbers in the class
-        """
+        """Return the index (sample) of each sample's sensor."""
         return self._choose(k, number, "sensor", len(self.sensors))
 
     def _choose(self, k: int, number: np.ndarray, what: str, count: int) -> np.ndarray:
-        """Choose among equally likely options; return the index of the choice (sample).
-
-        Parameters
-        ----------
-        k : index of the class
-        number : (sample) numbers in the class
-        what, count : name of the choice, which is part of its random address, and number of options
-        """
+        """Choose one of `count` equal options for each number (sample); `what` is part of the random address."""
         share = draw_shares(self.spec.seed, self.spec.classes[k].name, number, what)[:, 0]
         chosen: np.ndarray = (share * count).astype(np.int64)
         return chosen

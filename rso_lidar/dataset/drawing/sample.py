@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ _OF_ANY_MODEL = ("name", "motion", "attitude", "material", "axes")  # fields of 
 _AROUND = UniformDirection()
 _LAST_SHARE = 1.0 - 2.0**-53  # greatest random number that can be drawn
 _MOST_CHOICES = 100  # values of a law `choice` that a check tries, at most: each builds a scenario
+_halton = lru_cache(maxsize=256)(HaltonPoints)  # one sequence for each class
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,18 +48,12 @@ class _Draws:
     """The values of one sample's variables, by their laws."""
 
     def __init__(self, spec: DatasetSpec, k: int, number: int, forced: Mapping[str, float]) -> None:
-        """Begin the draws of a sample.
-
-        Parameters
-        ----------
-        k, number : index of the class, and number of the sample in it
-        forced : numbers from 0 to below 1 by variable, in place of those that are drawn
-        """
+        """Begin the draws of a sample; `forced` are numbers from 0 to below 1 by variable, in place of drawn ones."""
         self._forced = forced
         self._spec, self._group, self._number = spec, spec.classes[k].name, number
         self.values: dict[str, Any] = {}
         self._left = np.zeros(0)
-        if spec.sampling == "halton" and (dimensions := _count_dimensions(spec, k)):
+        if spec.sampling == "halton" and (dimensions := sum(law.dimensions for law in _list_laws(spec, k))):
             self._left = _halton(spec.seed, self._group, dimensions).at(number)
 
     def draw(self, variable: str, law: Any) -> Any:
@@ -74,20 +68,12 @@ class _Draws:
         return value
 
 
-@lru_cache(maxsize=256)
-def _halton(seed: int, group: str, dimensions: int) -> HaltonPoints:
-    """Return the Halton points of a class."""
-    return HaltonPoints(seed, group, dimensions)
-
-
 def _list_laws(spec: DatasetSpec, k: int) -> list[Any]:
     """List the laws that apply to a class, in the order in which they are drawn."""
     laws: list[Any] = []
     if (fragments := spec.classes[k].fragments) is not None:
         laws += [fragments.characteristic_length_m, fragments.seed]
-    laws += [
-        variable.law for variable in spec.variable if not variable.classes or spec.classes[k].name in variable.classes
-    ]
+    laws += [variable.law for variable in spec.variables_of(spec.classes[k])]
     if (view := spec.view) is not None and not spec.classes[k].empty:
         laws += [view.range_m, view.offset_fraction, view.attitude]
         laws += [] if view.spin_deg_s is None else [view.spin_deg_s, _AROUND]
@@ -96,23 +82,13 @@ def _list_laws(spec: DatasetSpec, k: int) -> list[Any]:
     return laws
 
 
-def _count_dimensions(spec: DatasetSpec, k: int) -> int:
-    return sum(law.dimensions for law in _list_laws(spec, k))
-
-
 def list_ends(spec: DatasetSpec, k: int) -> list[dict[str, float]]:
-    """List arguments `forced` of `draw_sample` that reach both ends of each variable of a class, and each choice.
-
-    Parameters
-    ----------
-    k : index of the class
-    """
+    """List arguments `forced` of `draw_sample` that reach both ends of each variable of a class, and each choice."""
     ends = []
-    for variable in spec.variable:
-        if not variable.classes or spec.classes[k].name in variable.classes:
-            count = len(variable.law.values) if isinstance(variable.law, Choice) and not variable.law.weights else 1
-            places = [(place + 0.5) / count for place in range(min(count, _MOST_CHOICES))] if count > 1 else []
-            ends += [{variable.field: share} for share in (0.0, *places, _LAST_SHARE)]
+    for variable in spec.variables_of(spec.classes[k]):
+        count = len(variable.law.values) if isinstance(variable.law, Choice) and not variable.law.weights else 1
+        places = [(place + 0.5) / count for place in range(min(count, _MOST_CHOICES))] if count > 1 else []
+        ends += [{variable.field: share} for share in (0.0, *places, _LAST_SHARE)]
     return ends
 
 
@@ -135,14 +111,12 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
     name = None if target_class.empty else plan.class_models[k][int(plan.choose_model(k, at)[0])]
     sensor = int(plan.choose_sensor(k, at)[0])
     draws = _Draws(spec, k, number, forced)
-    tables = copy.deepcopy(plan.tables)
     with add_place(f"{spec.where}: sample {index} (class '{target_class.name}')"):
-        for setting in spec.sensor[sensor].set if spec.sensor else ():
-            apply_setting(tables, setting)
+        tables = plan.copy_tables(sensor)
         _choose_target(tables, plan, name, target_class, draws)
         for setting in target_class.set:  # of the model that was chosen
             apply_setting(tables, setting)
-        applied = [drawn for drawn in spec.variable if not drawn.classes or target_class.name in drawn.classes]
+        applied = spec.variables_of(target_class)
         for drawn in applied:
             if drawn.field in draws.values:
                 raise DatasetError(
@@ -182,12 +156,7 @@ def _check_shape(scenario: Scenario, plan: DatasetPlan) -> None:
 def _choose_target(
     tables: dict[str, Any], plan: DatasetPlan, name: str | None, target_class: ClassOfTargets, draws: _Draws
 ) -> None:
-    """Give the target of the scenario the model or the fragment of a sample, or leave it out.
-
-    Parameters
-    ----------
-    name : the model; None for no target
-    """
+    """Give the target of the scenario the model or the fragment of a sample, or leave it out."""
     targets = _find_targets(tables, plan)
     if name is None:
         del targets[plan.target_index]
@@ -197,12 +166,7 @@ def _choose_target(
 
 
 def _choose_shape(name: str, fragments: DrawnFragments | None, draws: _Draws, place: str) -> dict[str, Any]:
-    """Return the table of a body's shape: its model, or a fragment of drawn size and seed.
-
-    Parameters
-    ----------
-    fragments, draws : fragments that can be drawn, and the draws of the sample
-    """
+    """Return the table of a body's shape: its model, or a fragment of drawn size and seed."""
     kinds = {} if fragments is None else {name_fragments(kind): kind for kind in fragments.kinds}
     if fragments is None or name not in kinds:
         return {"model": name}
@@ -230,12 +194,7 @@ def _find_targets(tables: dict[str, Any], plan: DatasetPlan) -> list[dict[str, A
 def _place_view(
     tables: dict[str, Any], plan: DatasetPlan, view: RandomView, draws: _Draws, *, has_target: bool
 ) -> None:
-    """Place the target and the clutter of a sample in front of the lidar.
-
-    Parameters
-    ----------
-    has_target : whether the sample has a target
-    """
+    """Place the target and the clutter of a sample in front of the lidar."""
     if "ptu" in tables:
         raise DatasetError(
             "view: places the target before a lidar that does not turn; remove [ptu] from the scenario, or leave out [view]"
@@ -294,12 +253,7 @@ def _place(
 
 
 def _choose_frames(spec: DatasetSpec, scenario: Scenario, share: float) -> tuple[int, ...]:
-    """Return the numbers of a sample's frames in its scenario.
-
-    Parameters
-    ----------
-    share : uniform number from 0 to below 1, from which the first frame is drawn
-    """
+    """Return the numbers of a sample's frames in its scenario; the first is drawn from `share`, from 0 to below 1."""
     sequence, n_frames = spec.sequence, scenario.time.n_frames
     last = n_frames - 1 - (sequence.frames - 1) * sequence.stride
     start = sequence.start

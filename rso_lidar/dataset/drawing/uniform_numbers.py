@@ -30,26 +30,14 @@ def find_key(seed: int) -> np.ndarray:
 
 
 def draw_shares(seed: int, group: str, number: np.ndarray, variable: str, dimensions: int = 1) -> np.ndarray:
-    """Draw uniform numbers (sample, dimension) from 0 to below 1.
-
-    Parameters
-    ----------
-    number : (sample) numbers of samples in the class
-    dimensions : number of numbers for each sample
-    """
+    """Draw uniform numbers (sample, dimension) from 0 to below 1."""
     shares = np.empty((len(number), dimensions))
     fill_shares(find_key(seed), packed(np.asarray(number, np.int64)), hash_name(group), hash_name(variable), shares)
     return shares
 
 
 def draw_seed(seed: int, group: str, number: int, draw: int) -> int:
-    """Draw the random seed of one noise draw of a sample.
-
-    Parameters
-    ----------
-    group, number : name of the class, and number of the sample in it
-    draw : number of the noise draw
-    """
+    """Draw the random seed of one noise draw of a sample."""
     words = draw_block(find_key(seed), draw, number, hash_name(group), hash_name("noise"))
     return (int(words[0]) << 32 | int(words[1])) % _MOST_SEED
 

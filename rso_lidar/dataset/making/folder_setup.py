@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 from contextlib import suppress
 from pathlib import Path
@@ -20,7 +19,7 @@ from rso_lidar.errors import DatasetError
 from rso_lidar.files import advise_on_write, hold_lock, write_text
 from rso_lidar.motion import Fixed
 from rso_lidar.records import PART_CLASSES
-from rso_lidar.scenario import Target, apply_setting, find_symmetry
+from rso_lidar.scenario import Target, find_symmetry
 from rso_lidar.scene import is_mesh_path
 
 SCENARIO_FILE = "scenario.toml"
@@ -73,12 +72,7 @@ def begin_folder(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
 
 
 def _check_joined(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
-    """Raise `DatasetError` for a folder that may not be continued.
-
-    Parameters
-    ----------
-    join : whether a folder that was begun before may be continued
-    """
+    """Raise `DatasetError` for a folder that may not be continued, or may not without `join`."""
     if read_constants(folder).sha256 != plan.sha256:
         raise DatasetError(
             f"{folder}: holds the dataset of another specification, or a file that it names has changed; name another folder"
@@ -91,10 +85,7 @@ def list_constants(plan: DatasetPlan) -> Constants:
     """List the names and constants of a dataset."""
     lidars, lines = {}, {}
     for k, name in enumerate(plan.sensors):
-        tables = copy.deepcopy(plan.tables)
-        for setting in plan.spec.sensor[k].set if plan.spec.sensor else ():
-            apply_setting(tables, setting)
-        scenario = plan.build(tables)
+        scenario = plan.build(plan.copy_tables(k))
         lidars[name] = json.dumps(scenario.lidar.model_dump(mode="json", exclude_none=True))
         lines[name] = scenario.instrument.receiver.line_of_sight
     return Constants(

@@ -1,26 +1,37 @@
-"""Datasets made by one call: begun or continued, shard by shard, and finished."""
+"""Datasets made by one call: begun or continued, shard by shard, and finished.
+
+Shard i depends on the plan and on i only. Workers of dask write shards into the folder, which all of them must see under
+one path, and return only the record of each. A task of theirs may run twice, as when a worker is lost: it writes the same
+bytes to a file of its own and renames it.
+"""
 
 from __future__ import annotations
 
+import importlib
+import importlib.metadata
+import json
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
+from rso_lidar.dataset.drawing.plan import DatasetPlan, ShardPlace, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample, list_ends
-from rso_lidar.dataset.making.dask_engine import make_shards_by_dask
+from rso_lidar.dataset.making.flight import fly_sample, list_names
 from rso_lidar.dataset.making.folder_setup import begin_folder, remove_drafts
-from rso_lidar.dataset.making.shard_making import make_shard
 from rso_lidar.dataset.reading.random_access import Dataset
 from rso_lidar.dataset.shards.manifest import ShardRecord, append_record, read_manifest
+from rso_lidar.dataset.shards.shard_file import hash_file, write_shard
 from rso_lidar.dataset.specification.spec import DatasetSpec
-from rso_lidar.errors import DatasetError, suppress_warnings
+from rso_lidar.errors import DatasetError, RsoLidarError, RunError, suppress_warnings
 from rso_lidar.files import convert_path, hold_lock
-from rso_lidar.processes import Processes
+from rso_lidar.processes import map_unordered, open_dask_client
 
 _TRIED = 40  # samples that are drawn before the first shard, so that a wrong law is found at once
+_LIBRARIES = ("rso-lidar", "numpy", "scipy", "numba", "embreex")
+_WAITING = 4  # tasks for each worker that are known to the scheduler: memory stays flat for any number of shards
 
 
 def make(
@@ -85,19 +96,13 @@ def _make_shards(
     scheduler: str | None,
     on_shard: Callable[[int, int], None] | None,
 ) -> None:
-    """Make those of some shards that are not finished, and keep the record of each.
-
-    Parameters
-    ----------
-    chosen : numbers of the shards
-    workers, scheduler, on_shard : as in `make`
-    """
+    """Make those of some shards that are not finished, and keep the record of each."""
     finished = read_manifest(place, plan.sha256)
     left = [number for number in chosen if not _is_finished(plan, place, number, finished)]
     tell = on_shard or (lambda done, count: None)
     tell(len(chosen) - len(left), len(chosen))
     if scheduler is None:
-        records = _make_by_processes(plan, place, left, workers)
+        records = map_unordered(partial(make_shard, plan, place), map(plan.shard, left), min(workers, len(left)))
     else:
         records = make_shards_by_dask(plan, place, left, workers, scheduler)
     for done, record in enumerate(records, len(chosen) - len(left) + 1):
@@ -162,17 +167,62 @@ def check_samples(plan: DatasetPlan) -> None:
                 draw_sample(plan, int(mine[0]), forced)
 
 
-def _make_by_processes(plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers: int) -> Iterator[ShardRecord]:
-    """Make shards by worker processes, and yield the record of each when it is finished, in any order.
+def make_shard(plan: DatasetPlan, folder: Path, place: ShardPlace) -> ShardRecord:
+    """Make one shard and write it, completely or not at all.
 
     Parameters
     ----------
-    workers : number of processes; 1 is this process
+    place : of the shard, with the numbers of its samples, so that a worker need not assign all samples to splits
     """
-    count = min(workers, len(numbers))
-    if count < 2:
-        for number in numbers:
-            yield make_shard(plan, folder, plan.shard(number))
-        return
-    with Processes(count, partial(make_shard, plan, folder)) as processes:
-        yield from processes.map_unordered(map(plan.shard, numbers))
+    frames, drawn = [], []
+    with suppress_warnings():
+        for index in place.samples.tolist():
+            for frame, numbers in fly_sample(plan, draw_sample(plan, index)):
+                frames.append(frame)
+                drawn.append(numbers)
+    path = folder / place.path
+    write_shard(path, frames, drawn, list_names(plan), dataset=plan.sha256)
+    versions = json.dumps({name: importlib.metadata.version(name) for name in _LIBRARIES})
+    return ShardRecord(place.path, len(frames), len(place.samples), path.stat().st_size, hash_file(path), versions)
+
+
+def make_shards_by_dask(
+    plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers: int, scheduler: str
+) -> Iterator[ShardRecord]:
+    """Make shards on a cluster of dask and yield the record of each when it is finished, in any order.
+
+    Parameters
+    ----------
+    workers : number of processes of a local cluster
+    scheduler : address of a running scheduler, such as ``tcp://10.0.0.1:8786``, or ``local``
+
+    Raises
+    ------
+    DatasetError
+        If dask is not installed, or no scheduler answers.
+    RunError
+        If a shard fails, or is lost with one worker after another.
+    """
+    with open_dask_client(scheduler, workers, DatasetError) as client:
+        distributed: Any = importlib.import_module("distributed")
+        left = list(numbers)
+        place = folder.resolve()
+
+        def submit() -> Any:
+            number = left.pop(0)
+            return client.submit(
+                make_shard, plan, place, plan.shard(number), key=f"shard-{plan.sha256[:8]}-{number}", retries=2
+            )
+
+        count = max(1, len(client.scheduler_info()["workers"])) * _WAITING
+        done = distributed.as_completed([submit() for _ in range(min(count, len(left)))])
+        for future in done:
+            if future.status == "error":
+                failed = future.exception()
+                if isinstance(failed, RsoLidarError):
+                    raise failed
+                raise RunError(f"dask: a shard failed ({type(failed).__name__}: {failed}); make with --resume")
+            yield future.result()
+            future.release()
+            if left:
+                done.add(submit())

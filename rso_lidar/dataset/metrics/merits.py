@@ -39,6 +39,14 @@ class Bins:
     series: Mapping[str, Sequence[Statistic]]
 
 
+@dataclass(frozen=True, eq=False)
+class BinnedScores:
+    """Scores of predictions of poses or pixels: figures of merit, and statistics in bins."""
+
+    merits: tuple[FigureOfMerit, ...]
+    bins: tuple[Bins, ...]
+
+
 @dataclass(frozen=True)
 class Value:
     """Value of a statistic with its interval, the method of the interval, and the frames and encounters that matter."""
@@ -78,12 +86,7 @@ def evaluate_all(statistics: Sequence[Statistic], encounters: EncounterIndex) ->
 def find_values(
     statistics: Sequence[Statistic], encounters: EncounterIndex, replicates: int, confidence: float
 ) -> tuple[Value, ...]:
-    """Evaluate statistics with their intervals.
-
-    Parameters
-    ----------
-    replicates : number of draws of the bootstrap
-    """
+    """Evaluate statistics with their intervals."""
     values = evaluate_all(statistics, encounters)
     drawn = iter(replicate([statistic for statistic in statistics if statistic.needs_draws], encounters, replicates))
     empty = np.empty(0)
@@ -97,13 +100,8 @@ def find_values(
     )
 
 
-def find_log_edges(values: np.ndarray, per_decade: int = 2) -> np.ndarray:
-    """Return edges of bins at even ratios that hold all finite values above zero.
-
-    Parameters
-    ----------
-    values : (frame)
-    per_decade : bins in a factor of ten
+def find_log_edges(values: np.ndarray) -> np.ndarray:
+    """Return edges of bins, two in a factor of ten, that hold all finite values (frame) above zero.
 
     >>> find_log_edges(np.array([1.0, 250.0])).round(1).tolist()
     [1.0, 3.2, 10.0, 31.6, 100.0, 316.2]
@@ -111,9 +109,9 @@ def find_log_edges(values: np.ndarray, per_decade: int = 2) -> np.ndarray:
     known = values[np.isfinite(values) & (values > 0)]
     if not len(known):
         return np.array([1.0, 10.0])
-    first = np.floor(per_decade * np.log10(known.min()) + 1e-9)
-    last = np.floor(per_decade * np.log10(known.max()) + 1e-9) + 1.0
-    edges: np.ndarray = 10.0 ** (np.arange(first, last + 1.0) / per_decade)
+    first = np.floor(2 * np.log10(known.min()) + 1e-9)
+    last = np.floor(2 * np.log10(known.max()) + 1e-9) + 1.0
+    edges: np.ndarray = 10.0 ** (np.arange(first, last + 1.0) / 2)
     return edges
 
 

@@ -127,13 +127,7 @@ class FalseAlarmRate(_Ranking):
 def _find_average_precision(
     hits: np.ndarray, alarms: np.ndarray, positives: np.ndarray, negatives: np.ndarray
 ) -> np.ndarray:
-    """Return the average precision (replicate).
-
-    Parameters
-    ----------
-    hits, alarms : (replicate, threshold) retrieved positive and negative frames
-    positives, negatives : (replicate) all of them
-    """
+    """Return the average precision (replicate) of retrieved frames (replicate, threshold), of all (replicate)."""
     retrieved = hits + alarms
     precision = np.where(retrieved > 0, hits / np.where(retrieved > 0, retrieved, 1.0), 0.0)
     steps = np.diff(hits, axis=1, prepend=0.0)

@@ -23,39 +23,31 @@ class EncounterIndex:
     """
 
     def __init__(self, sample: np.ndarray) -> None:
-        """Number the encounters of frames.
-
-        Parameters
-        ----------
-        sample : (frame) identity of the encounter of each frame
-        """
+        """Number the encounters of frames, by the identity (frame) of the encounter of each."""
         values, self.index = np.unique(np.asarray(sample), return_inverse=True)
         self.count = len(values)
-        self._kept: dict[tuple[int, int], np.ndarray] = {}
+        self._kept: dict[int, np.ndarray] = {}
 
-    def draw(self, replicates: int, stream: int = 0) -> Iterator[np.ndarray]:
+    def draw(self, replicates: int) -> Iterator[np.ndarray]:
         """Draw as many encounters as there are, with replacement, once for each replicate.
 
-        Parameters
-        ----------
-        replicates : number of replicates
-        stream : number of the random stream; the same numbers give the same draws
+        The same number of replicates gives the same draws.
 
         Yields
         ------
         np.ndarray
             How often each encounter was drawn (replicate, encounter), a block of replicates at a time.
         """
-        if (replicates, stream) in self._kept:
-            yield self._kept[replicates, stream]
+        if replicates in self._kept:
+            yield self._kept[replicates]
             return
-        rng = np.random.Generator(np.random.Philox(key=[_KEY, stream]))
+        rng = np.random.Generator(np.random.Philox(key=[_KEY, 0]))
         rows = max(1, _BLOCK // max(self.count, 1))
         even = np.full(self.count, 1.0 / max(self.count, 1))
         for start in range(0, replicates, rows):
             weights = rng.multinomial(self.count, even, size=min(rows, replicates - start)).astype(float)
             if rows >= replicates:
-                self._kept[replicates, stream] = weights
+                self._kept[replicates] = weights
             yield weights
 
     def sum_by(self, values: np.ndarray) -> np.ndarray:

@@ -90,9 +90,7 @@ class Ratios(Statistic):
             ratio = np.where(below > 0, above / below, np.nan)
         if self.root:
             ratio = np.sqrt(ratio)
-        asked = ~np.isnan(ratio)
-        sums = np.where(asked, ratio, 0.0).sum(axis=1)
-        return np.where(asked.any(axis=1), sums / np.maximum(asked.sum(axis=1), 1), np.nan)
+        return _average_known(ratio, axis=1)
 
     def find_interval(self, replicates: np.ndarray, confidence: float) -> tuple[float, float, str]:
         """Return Wilson's interval of a proportion with the design effect of encounters, else the bootstrap's."""
@@ -143,10 +141,7 @@ class Mean(Statistic):
 
     def evaluate(self, weights: np.ndarray) -> np.ndarray:
         """Return the values (replicate) for weights (replicate, encounter)."""
-        values = np.stack([part.evaluate(weights) for part in self.parts])
-        known = ~np.isnan(values)
-        sums = np.where(known, values, 0.0).sum(axis=0)
-        return np.where(known.any(axis=0), sums / np.maximum(known.sum(axis=0), 1), np.nan)
+        return _average_known(np.stack([part.evaluate(weights) for part in self.parts]), axis=0)
 
     def count(self) -> tuple[int, int]:
         """Return the number of frames that matter, and of their encounters."""
@@ -169,6 +164,13 @@ def bootstrap_interval(replicates: np.ndarray, encounters: int, confidence: floa
     ):  # such as all perfect: failures are too rare to be drawn
         return np.nan, np.nan, "none: all draws agree"
     return *percentile_interval(replicates, confidence), "bootstrap over encounters"
+
+
+def _average_known(values: np.ndarray, axis: int) -> np.ndarray:
+    """Return the mean of values along an axis without those that are NaN; NaN where all are."""
+    known = ~np.isnan(values)
+    sums = np.where(known, values, 0.0).sum(axis=axis)
+    return np.where(known.any(axis=axis), sums / np.maximum(known.sum(axis=axis), 1), np.nan)
 
 
 def count_asked(encounters: EncounterIndex, asked: np.ndarray) -> tuple[int, int]:

@@ -1,31 +1,33 @@
-"""The tables of a dataset's card: arrays, counts, laws, models and sensors."""
+"""The tables of a dataset's card: arrays, counts of frames, laws, models, and sensors with their assumed parameters."""
 
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rso_lidar.dataset.publication.frame_counts import PIXEL_STEPS, FrameCounts
-from rso_lidar.dataset.publication.sensor_table import Parameter, list_parameters
+import numpy as np
+
 from rso_lidar.dataset.shards.layout import LabelledFrame, describe_array
-from rso_lidar.errors import RsoLidarError
+from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.part import Part
 from rso_lidar.records import specs
-from rso_lidar.scenario import name_fragments
+from rso_lidar.scenario import Lidar, name_fragments
 from rso_lidar.scene import model
 
 if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset
 
+NO_TARGET = "no target"
+PIXEL_STEPS = (0, 1, 10, 100, 1000)  # lowest number of reporting pixels of each bin
+_COLUMNS = ("class_id", "range_to_target_m", "reporting_pixels")
+_MARK = "assumed"  # in the description of a field: its default has no source
+
 
 def format_table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     r"""Format a table in Markdown.
-
-    Parameters
-    ----------
-    heads : of the columns
-    rows : cells of each row, of any type
 
     >>> print(format_table(["a", "b"], [[1, "x|y"]]))
     | a | b |
@@ -125,3 +127,100 @@ def list_sensors(data: Dataset) -> Iterator[tuple[str, list[Parameter]]]:
     """Yield name and parameters of each sensor."""
     for name in data.sensors:
         yield name, list_parameters(data.constants.lidars[name])
+
+
+@dataclass(frozen=True)
+class FrameCounts:
+    """Frames by split and class, and by split and reporting pixels; and nearest and farthest range [m] by class."""
+
+    by_class: dict[str, dict[str, int]]
+    by_pixels: dict[str, tuple[int, ...]]
+    ranges_m: dict[str, tuple[float, float]]
+
+    @property
+    def frames(self) -> dict[str, int]:
+        """Number of frames of each split."""
+        return {split: sum(classes.values()) for split, classes in self.by_class.items()}
+
+
+def count_frames(data: Dataset) -> FrameCounts:
+    """Count the frames of a dataset, one shard in memory at a time."""
+    names = [*data.classes, NO_TARGET]
+    by_class: dict[str, dict[str, int]] = {}
+    by_pixels: dict[str, tuple[int, ...]] = {}
+    nearest_m, farthest_m = np.full(len(data.classes), np.inf), np.full(len(data.classes), -np.inf)
+    for name in data.splits:
+        split = data.split(name)
+        of_class, of_pixels = np.zeros(len(names), int), np.zeros(len(PIXEL_STEPS), int)
+        for shard in range(len(split.records)):
+            arrays = split.read_shard(shard, _COLUMNS)
+            class_id, range_m = arrays["class_id"], arrays["range_to_target_m"]
+            of_class += np.bincount(np.where(class_id < 0, len(names) - 1, class_id), minlength=len(names))
+            known = (class_id >= 0) & np.isfinite(range_m)
+            np.minimum.at(nearest_m, class_id[known], range_m[known])
+            np.maximum.at(farthest_m, class_id[known], range_m[known])
+            bins = np.searchsorted(PIXEL_STEPS, arrays["reporting_pixels"][class_id >= 0], side="right") - 1
+            of_pixels += np.bincount(bins, minlength=len(PIXEL_STEPS))
+        by_class[name] = dict(zip(names, of_class.tolist(), strict=True))
+        by_pixels[name] = tuple(of_pixels.tolist())
+    ranges = zip(data.classes, nearest_m.tolist(), farthest_m.tolist(), strict=True)
+    ranges_m = {name: (low, high) for name, low, high in ranges if low <= high}
+    return FrameCounts(by_class, by_pixels, ranges_m)
+
+
+class Parameter(NamedTuple):
+    """One parameter of a sensor: its key in the scenario, its value, its meaning, and whether the value is assumed."""
+
+    place: str
+    value: str
+    meaning: str
+    is_assumed: bool
+
+
+def list_parameters(lidar: str) -> list[Parameter]:
+    """List the parameters of a sensor.
+
+    Parameters
+    ----------
+    lidar : its table as JSON
+
+    Returns
+    -------
+    list of Parameter
+        Without meanings if the parts of this version cannot read the table, such as for a detector of the user's own.
+    """
+    table = json.loads(lidar)
+    try:
+        return list(_walk(Lidar.model_validate_json(lidar), "lidar"))
+    except (ScenarioError, ValueError):
+        return [Parameter(place, value, "", False) for place, value in _flatten(table, "lidar")]
+
+
+def _walk(part: Part, place: str) -> Iterator[Parameter]:
+    """Yield the parameters of a part and of the parts in it."""
+    for name, field in type(part).model_fields.items():
+        value = getattr(part, name)
+        if isinstance(value, Part):
+            yield from _walk(value, f"{place}.{name}")
+        elif value is not None:
+            meaning = " ".join((field.description or "").split())
+            text = json.dumps(_simplify(value), ensure_ascii=False)
+            yield Parameter(f"{place}.{name}", text, meaning, _MARK in meaning and value == field.default)
+
+
+def _flatten(table: Any, place: str) -> Iterator[tuple[str, str]]:
+    """Yield place and value of all entries of a table."""
+    if isinstance(table, dict):
+        for name, value in table.items():
+            yield from _flatten(value, f"{place}.{name}")
+    else:
+        yield place, json.dumps(table, ensure_ascii=False)
+
+
+def _simplify(value: Any) -> Any:
+    """Convert a value of a part to a JSON value."""
+    if isinstance(value, Part):
+        return value.model_dump(mode="json", exclude_none=True)
+    if isinstance(value, list | tuple):
+        return [_simplify(element) for element in value]
+    return value if isinstance(value, bool | int | float | str) else str(value)

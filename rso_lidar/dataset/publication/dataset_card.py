@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rso_lidar.dataset.publication.attribution import Attribution
 from rso_lidar.dataset.publication.card_tables import (
+    FrameCounts,
     format_table,
     list_arrays,
     list_counts,
@@ -17,7 +18,6 @@ from rso_lidar.dataset.publication.card_tables import (
     list_sensors,
 )
 from rso_lidar.dataset.publication.card_text import CARD, LIMITS, PAPER, cite, describe_dataset
-from rso_lidar.dataset.publication.frame_counts import FrameCounts
 from rso_lidar.dataset.specification.tables import ModelSplit, RandomSplit
 from rso_lidar.files import write_text
 
@@ -65,12 +65,7 @@ def choose_size(frames: int) -> str:
 
 
 def _write_head(data: Dataset, counts: FrameCounts, attribution: Attribution) -> str:
-    """Return the YAML head of the card. Texts are written as in JSON, which YAML reads.
-
-    Parameters
-    ----------
-    data, counts, attribution : as of `write_card`
-    """
+    """Return the YAML head of the card. Texts are written as in JSON, which YAML reads."""
     lines = [
         "---",
         f"pretty_name: {json.dumps(data.spec.name, ensure_ascii=False)}",

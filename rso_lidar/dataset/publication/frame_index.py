@@ -65,12 +65,7 @@ def write_frame_index(data: Dataset) -> Path:
 
 
 def _make_schema(data: Dataset, columns: dict[str, ArraySpec]) -> Any:
-    """Return the Arrow schema of the table, with units and meanings as metadata of its fields.
-
-    Parameters
-    ----------
-    columns : dtype, unit and meaning of the columns from the shards
-    """
+    """Return the Arrow schema of the table, with units and meanings as metadata of its fields."""
     import pyarrow
 
     texts = pyarrow.dictionary(pyarrow.int32(), pyarrow.string())
@@ -111,24 +106,14 @@ def _read_tables(data: Dataset, columns: list[str], schema: Any) -> Iterator[Any
 
 
 def _repeat(text: str, count: int) -> Any:
-    """Return a column that repeats one text.
-
-    Parameters
-    ----------
-    text, count : the text, and the number of rows
-    """
+    """Return a column that repeats one text."""
     import pyarrow
 
     return pyarrow.DictionaryArray.from_arrays(np.zeros(count, np.int32), [text])
 
 
 def _take_names(names: tuple[str, ...], numbers: np.ndarray) -> Any:
-    """Return a column of names; null for negative numbers.
-
-    Parameters
-    ----------
-    names, numbers : the names, and the number of the name in each row
-    """
+    """Return a column of names; null for negative numbers."""
     import pyarrow
 
     places = pyarrow.array(numbers.astype(np.int32), mask=numbers < 0)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture import Window, colour_maps, figures, palette, save_figure
+from rso_lidar.picture import Window, colour_maps, figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,29 +24,12 @@ _RAMPS = {"range_m": colour_maps.RANGE_RAMP, "intensity_counts": colour_maps.INT
 _PANELS = 4
 
 
-def save_label_images(
-    path: Path, images: Mapping[str, np.ndarray], part_classes: Sequence[str], title: str, note: str
-) -> Path:
-    """Draw `label_figure` and write it by the suffix of a path; return the path.
-
-    Parameters
-    ----------
-    path : of the picture; an existing file is replaced
-    images, part_classes, title, note : as of `label_figure`
-    """
-    return save_figure(label_figure(images, part_classes, title, note), path)
-
-
 def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], title: str, note: str) -> Figure:
     """Draw up to four images of one frame, in the square around the target.
 
     Parameters
     ----------
     images : arrays (row, col) of the reading and labels by name, with ``part_class_id``, -1 for sky
-
-    Returns
-    -------
-    Figure
     """
     on_target = images["part_class_id"] >= 0
     window = Window.about(on_target)
@@ -103,12 +85,7 @@ def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarra
 
 
 def _draw_classes(axes: Axes, classes: np.ndarray, names: Sequence[str], window: Window) -> None:
-    """Draw the part classes of pixels, with a legend of those that are there.
-
-    Parameters
-    ----------
-    classes : (row, col) numbers, -1 for sky
-    """
+    """Draw the part classes (row, col) of pixels, -1 for sky, with a legend of those that are there."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 

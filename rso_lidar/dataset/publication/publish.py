@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.dataset.publication.attribution import CROISSANT, Attribution, read_attribution
+from rso_lidar.dataset.publication.card_tables import count_frames
 from rso_lidar.dataset.publication.card_text import CARD
 from rso_lidar.dataset.publication.croissant import write_croissant
 from rso_lidar.dataset.publication.dataset_card import write_card
-from rso_lidar.dataset.publication.frame_counts import count_frames
 from rso_lidar.dataset.publication.frame_index import INDEX, has_parquet, write_frame_index
-from rso_lidar.dataset.publication.label_images import save_label_images
+from rso_lidar.dataset.publication.label_images import label_figure
 from rso_lidar.dataset.reading.random_access import Dataset
 from rso_lidar.errors import DatasetError
+from rso_lidar.picture import save_figure
 
 PICTURES = ("sample_frame_1.png", "sample_frame_2.png")
 _MOST_FRAMES = 256  # frames of the first split among which those of the pictures are chosen: one shard by default
@@ -82,6 +83,6 @@ def _draw_pictures(data: Dataset) -> list[str]:
         what = f"{data.classes[number]} at {float(frame['range_to_target_m']):,.1f} m" if number >= 0 else "no target"
         note = f"sample {int(frame['sample'])} of {split.name}: {what}"
         images = {image: frame[image] for image in _DRAWN if image in frame}
-        save_label_images(data.folder / name, images, data.part_classes, data.spec.name, note)
+        save_figure(label_figure(images, data.part_classes, data.spec.name, note), data.folder / name)
         names.append(name)
     return names

@@ -209,10 +209,6 @@ class Split:
         """Return an array of a shard: an h5py dataset of images, or the values of smaller entries.
 
         Numbers stay in memory after the shard is closed, so that opening it again costs less.
-
-        Parameters
-        ----------
-        shard, name : number of the shard, and name of the array
         """
         if self._process == os.getpid() and name in self._numbers.get(shard, ()):
             self._numbers.move_to_end(shard)
@@ -272,13 +268,7 @@ class Split:
         return arrays
 
     def _read(self, shard: int, name: str, row: Any) -> np.ndarray:
-        """Read entries of an array of a shard.
-
-        Parameters
-        ----------
-        shard, name : number of the shard, and name of the array
-        row : index or slice of frames
-        """
+        """Read entries of an array of a shard."""
         try:
             values: np.ndarray = self._array(shard, name)[row]
         except (OSError, KeyError, RuntimeError) as error:  # of data, and of the names in the file
@@ -286,13 +276,7 @@ class Split:
         return values
 
     def _describe_damage(self, shard: int, name: str, error: Exception) -> DatasetError:
-        """Return the error of an array that cannot be read.
-
-        Parameters
-        ----------
-        shard, name : number of the shard, and name of the array
-        error : of h5py
-        """
+        """Return the error of an array that cannot be read."""
         return DatasetError(
             f"{self.folder / self.records[shard].path}: {name} is damaged "
             f"({' '.join(str(error).split()):.120}); delete the shard and make again with --resume"

@@ -45,10 +45,6 @@ def binned_figure(panels: Sequence[BinnedPanel], title: str, note: str = "") -> 
     Parameters
     ----------
     panels : what to draw; those with series of the same names share their colours
-
-    Returns
-    -------
-    Figure
     """
     figure = figures.new_figure(7.4 + _LEGEND_IN, 1.0 + _PANEL_IN * len(panels), title, note)
     for axes, panel in zip(np.atleast_1d(figure.subplots(len(panels), 1)), panels, strict=True):
@@ -128,13 +124,7 @@ def _draw_mark(axes: Axes, panel: BinnedPanel) -> None:
 
 
 def _write_counts(axes: Axes, middle: np.ndarray, frames: np.ndarray) -> None:
-    """Write the number of frames of each bin above the panel.
-
-    Parameters
-    ----------
-    middle : (bin) of the bins
-    frames : (bin) how many frames each bin has
-    """
+    """Write the number of frames of each bin above the panel."""
     for at, count in zip(middle.tolist(), frames.tolist(), strict=True):
         axes.annotate(
             f"{count:,}", (at, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points",

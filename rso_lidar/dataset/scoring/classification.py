@@ -102,10 +102,6 @@ def score_classes(truth: FrameTruth, chosen: np.ndarray, scores: np.ndarray | No
     truth : of the frames; those without a target, or with too few lit pixels, do not matter
     chosen : (frame) number of the predicted class, -1 where the prediction is missing: a failure
     scores : (frame, class) scores, minus infinity where missing; None where only classes were predicted
-
-    Returns
-    -------
-    Classification
     """
     asked = truth.is_lit
     right = asked & (chosen == truth.class_id)
@@ -174,38 +170,19 @@ def score_classes(truth: FrameTruth, chosen: np.ndarray, scores: np.ndarray | No
 def _make_share(
     name: str, meaning: str, encounters: EncounterIndex, right: np.ndarray, asked: np.ndarray, is_compared: bool = True
 ) -> FigureOfMerit:
-    """Make the figure of merit of a share of frames.
-
-    Parameters
-    ----------
-    right : (frame) whether the frame is predicted correctly
-    asked : (frame) which frames count
-    is_compared : whether it is judged in comparisons
-    """
+    """Make the figure of merit of the share of right frames (frame) among those asked (frame)."""
     statistic = Ratios(encounters, right & asked, asked, is_proportion=True)
     return FigureOfMerit(name, "1", HIGHER, meaning, statistic, is_compared)
 
 
 def _take_columns(encounters: EncounterIndex, right: np.ndarray, groups: Sequence[np.ndarray]) -> Ratios:
-    """Return the mean share of correct frames over groups of frames.
-
-    Parameters
-    ----------
-    right : (frame) whether the frame is predicted correctly
-    groups : masks (frame) of the groups
-    """
+    """Return the mean share of right frames (frame) over groups, masks (frame)."""
     below = np.stack(groups, axis=1) if len(groups) else np.zeros((len(right), 1), bool)
     return Ratios(encounters, below & right[:, None], below)
 
 
 def _bin_recall(truth: FrameTruth, right: np.ndarray, groups: dict[str, np.ndarray]) -> list[Bins]:
-    """Make recall in bins of lit pixels, range and light, for all classes and for each.
-
-    Parameters
-    ----------
-    right : (frame) whether the frame is predicted correctly
-    groups : masks (frame) by name
-    """
+    """Make recall in bins of lit pixels, range and light, for all classes and for each, by masks (frame)."""
     binned = []
     for quantity, unit, values, edges in (
         ("lit_pixels", "1", truth.lit_pixels, find_log_edges(truth.lit_pixels[groups[ALL]])),
@@ -225,13 +202,7 @@ def _bin_recall(truth: FrameTruth, right: np.ndarray, groups: dict[str, np.ndarr
 
 
 def _count_confusions(truth: FrameTruth, chosen: np.ndarray, asked: np.ndarray) -> list[Confusions]:
-    """Count confusions over all frames, and in three bins of range and of light.
-
-    Parameters
-    ----------
-    chosen : (frame) predicted class
-    asked : (frame) which frames count
-    """
+    """Count confusions of predicted classes (frame), over all asked frames, and in three bins of range and of light."""
     size = len(truth.classes)
     confusions = []
     for quantity, unit, values, parts in (

@@ -22,12 +22,7 @@ _NAME_LETTERS = 16
 def precision_recall_figure(
     curves: Mapping[str, Sequence[Trace]], labels: Mapping[str, str], title: str, note: str = ""
 ) -> Figure:
-    """Draw precision over recall by class.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw precision over recall by class."""
     figure = figures.new_figure(_SIDE_IN + _LEGEND_IN, _SIDE_IN + 0.5, title, note)
     axes = figure.subplots()
     for number, (name, runs) in enumerate(curves.items()):
@@ -39,12 +34,7 @@ def precision_recall_figure(
 def presence_figure(
     precision: Sequence[Trace], detections: Sequence[Trace], labels: Sequence[str], title: str, note: str = ""
 ) -> Figure:
-    """Draw the curves of a detector: precision over recall, and recall over the rate of false alarms.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the curves of a detector: precision over recall, and recall over the rate of false alarms."""
     figure = figures.new_figure(2.0 * _SIDE_IN, _SIDE_IN + 0.9, title, note)
     left, right = figure.subplots(1, 2)
     _draw_traces(left, 0, precision, labels[0])
@@ -63,10 +53,6 @@ def confusion_figure(
     ----------
     matrices : words and counts (true class, predicted class) of each; a last column beyond the classes counts missing
         predictions. Shares are of the frames of the true class
-
-    Returns
-    -------
-    Figure
     """
     size = len(names)
     large_in = max(3.4, 1.5 + _CELL_IN * (size + 1))
@@ -94,13 +80,7 @@ def _draw_traces(axes: Axes, number: int, runs: Sequence[Trace], label: str) -> 
 
 
 def _frame_unit_square(axes: Axes, x: str, y: str, inside: bool = False) -> None:
-    """Give a panel axes from 0 to 1 and its legend.
-
-    Parameters
-    ----------
-    x, y : labels of the axes
-    inside : whether the legend stands inside
-    """
+    """Give a panel axes from 0 to 1 and its legend, which may stand inside."""
     axes.set_xlim(-0.01, 1.01)
     axes.set_ylim(-0.01, 1.02)
     axes.set_aspect("equal")
@@ -110,13 +90,7 @@ def _frame_unit_square(axes: Axes, x: str, y: str, inside: bool = False) -> None
 
 
 def _draw_matrix(axes: Axes, names: Sequence[str], words: str, counts: np.ndarray, is_large: bool) -> None:
-    """Draw one confusion matrix in shares of its rows.
-
-    Parameters
-    ----------
-    counts : (true class, predicted class)
-    is_large : whether names and numbers are written
-    """
+    """Draw one confusion matrix (true class, predicted class) in shares of its rows; names and numbers if large."""
     import matplotlib
 
     if counts.shape[1] > len(names) and not counts[:, -1].any():

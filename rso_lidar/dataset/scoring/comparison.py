@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -51,7 +52,12 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Comparison of two scorecards: the changes, and the frames whose predicted class became wrong or right."""
+    """Comparison of two scorecards: the changes, and the frames whose predicted class became wrong or right.
+
+    `LEVEL` is the default of `level`, the probability of any wrong "worse".
+    """
+
+    LEVEL: ClassVar[float] = 0.05
 
     new: Scorecard
     old: Scorecard
@@ -67,7 +73,7 @@ class Comparison:
 
 
 def compare(
-    new: Scorecard, old: Scorecard, margins: Mapping[str, float] | None = None, level: float = 0.05
+    new: Scorecard, old: Scorecard, margins: Mapping[str, float] | None = None, level: float = Comparison.LEVEL
 ) -> Comparison:
     """Compare two algorithms on the same frames.
 
@@ -237,13 +243,7 @@ def _subtract(new: np.ndarray, old: np.ndarray) -> np.ndarray:
 
 
 def _average_runs(drawn: np.ndarray, side: int) -> np.ndarray:
-    """Return replicates (merit, replicate) of the mean over runs; where there are several, runs are drawn too.
-
-    Parameters
-    ----------
-    drawn : (run, merit, replicate)
-    side : 0 or 1; the two sides draw their runs apart
-    """
+    """Return replicates (merit, replicate) of the mean over runs (run, merit, replicate), drawn too where several."""
     count = len(drawn)
     if count == 1:
         only: np.ndarray = drawn[0]

@@ -94,12 +94,7 @@ def score(
 
 
 def _take_predictions(given: PredictionSource, number: int, dataset: Dataset) -> Predictions:
-    """Load one set of predictions, and check that it is about the dataset.
-
-    Parameters
-    ----------
-    given : a file, or columns
-    """
+    """Load one set of predictions, and check that it is about the dataset."""
     if isinstance(given, Mapping):
         return check_predictions(given, dataset.classes, f"predictions {number + 1}")
     predictions = load_predictions(Path(given), dataset.classes, _find_limits(dataset))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -51,10 +51,6 @@ class FrameTruth:
         """Frames (frame) with a target that enough pixels could see."""
         lit: np.ndarray = (self.present > 0) & (self.class_id >= 0) & (self.lit_pixels >= self.min_lit_pixels)
         return lit
-
-    def with_min_lit_pixels(self, count: int) -> FrameTruth:
-        """Return the same truth with another least number of lit pixels."""
-        return replace(self, min_lit_pixels=count)
 
     @staticmethod
     def from_columns(

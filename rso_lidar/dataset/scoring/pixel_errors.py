@@ -3,34 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.dataset.metrics.merits import HIGHER, LOWER, Bins, FigureOfMerit, find_bins, find_log_edges
+from rso_lidar.dataset.metrics.merits import HIGHER, LOWER, BinnedScores, Bins, FigureOfMerit, find_bins, find_log_edges
 from rso_lidar.dataset.metrics.weighted_statistics import Quantile, Ratios
 from rso_lidar.dataset.scoring.ground_truth import FrameTruth
-
-
-@dataclass(frozen=True, eq=False)
-class PixelScores:
-    """Scores of predictions for each pixel: figures of merit, and the same in bins."""
-
-    merits: tuple[FigureOfMerit, ...]
-    bins: tuple[Bins, ...]
 
 
 class PartCounts:
     """Pixels of each part class that were predicted, there, and both, frame by frame."""
 
     def __init__(self, frames: int, part_classes: Sequence[str]) -> None:
-        """Start with no frame counted.
-
-        Parameters
-        ----------
-        frames : number of frames
-        part_classes : names of the common part classes
-        """
+        """Start with no frame counted."""
         self.part_classes = tuple(part_classes)
         size = (frames, len(self.part_classes))
         self.both, self.there, self.called = (np.zeros(size, np.int64) for _ in range(3))
@@ -54,17 +39,13 @@ class PartCounts:
         self.asked[rows] = reported.sum(axis=(1, 2))
 
 
-def score_parts(truth: FrameTruth, counts: PartCounts, missing: np.ndarray) -> PixelScores:
+def score_parts(truth: FrameTruth, counts: PartCounts, missing: np.ndarray) -> BinnedScores:
     """Score predicted part classes over pixels that reported a return.
 
     Parameters
     ----------
     counts : of the pixels
     missing : (frame) frames without a prediction, whose pixels are all wrong
-
-    Returns
-    -------
-    PixelScores
     """
     all_of, asked = truth.encounters, counts.asked > 0
     union = counts.there + counts.called - counts.both
@@ -91,19 +72,14 @@ def score_parts(truth: FrameTruth, counts: PartCounts, missing: np.ndarray) -> P
     bins = find_bins(truth.lit_pixels, edges)
     inside = [(bins == k)[:, None] for k in range(len(edges) - 1)]
     series = [Ratios(all_of, counts.both[:, known] * mask, union[:, known] * mask) for mask in inside]
-    return PixelScores(tuple(merits), (Bins("mean_iou", "lit_pixels", "1", edges, {"mean": series}),))
+    return BinnedScores(tuple(merits), (Bins("mean_iou", "lit_pixels", "1", edges, {"mean": series}),))
 
 
 class RangeErrors:
     """Errors of ranges at a finer resolution, frame by frame."""
 
     def __init__(self, frames: int) -> None:
-        """Start with no frame counted.
-
-        Parameters
-        ----------
-        frames : number of frames
-        """
+        """Start with no frame counted."""
         self.square_m2, self.compared, self.there, self.false = (np.zeros(frames) for _ in range(4))
         self.photon_square, self.photon_scale = (np.zeros(frames) for _ in range(2))
         self.median_m = np.full(frames, np.nan)
@@ -138,16 +114,12 @@ class RangeErrors:
         self.photon_scale[rows] = (true.astype(float) ** 2).sum(axis=(1, 2))
 
 
-def score_ranges(truth: FrameTruth, errors: RangeErrors) -> PixelScores:
+def score_ranges(truth: FrameTruth, errors: RangeErrors) -> BinnedScores:
     """Score ranges at a finer resolution.
 
     Parameters
     ----------
     errors : of the pixels
-
-    Returns
-    -------
-    PixelScores
     """
     all_of = truth.encounters
     union = errors.there + errors.false
@@ -183,4 +155,4 @@ def score_ranges(truth: FrameTruth, errors: RangeErrors) -> PixelScores:
         Ratios(all_of, errors.square_m2 * (bins == k), errors.compared * (bins == k), root=True)
         for k in range(len(edges) - 1)
     ]
-    return PixelScores(tuple(merits), (Bins("fine_range_rms_m", "lit_pixels", "1", edges, {"rms": series}),))
+    return BinnedScores(tuple(merits), (Bins("fine_range_rms_m", "lit_pixels", "1", edges, {"rms": series}),))

@@ -17,6 +17,7 @@ import numpy as np
 from rso_lidar.dataset.metrics.merits import (
     HIGHER,
     LOWER,
+    BinnedScores,
     Bins,
     FigureOfMerit,
     find_bins,
@@ -91,15 +92,6 @@ class PoseErrors:
     diameter_m: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class PoseScores:
-    """Scores of poses: figures of merit, medians in bins, and the errors themselves."""
-
-    merits: tuple[FigureOfMerit, ...]
-    bins: tuple[Bins, ...]
-    errors: PoseErrors
-
-
 def find_pose_errors(
     truth: FrameTruth,
     position_m: np.ndarray,
@@ -113,10 +105,6 @@ def find_pose_errors(
     ----------
     position_m, quaternion_xyzw : (frame, 3) and (frame, 4) of the estimated lidar_from_target, NaN where missing
     symmetries : symmetry of each model, in the axes of the poses; None for none
-
-    Returns
-    -------
-    PoseErrors
     """
     from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -143,13 +131,8 @@ def find_pose_errors(
     return PoseErrors(rotation, translation, add, adds, diameter)
 
 
-def score_poses(truth: FrameTruth, errors: PoseErrors) -> PoseScores:
-    """Score the errors of poses.
-
-    Returns
-    -------
-    PoseScores
-    """
+def score_poses(truth: FrameTruth, errors: PoseErrors) -> BinnedScores:
+    """Score the errors of poses."""
     all_of = truth.encounters
     asked = ~np.isnan(errors.translation_m)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -190,16 +173,11 @@ def score_poses(truth: FrameTruth, errors: PoseErrors) -> PoseScores:
                     Ratios(all_of, area, measured), False,
                 )
             )  # fmt: skip
-    return PoseScores(tuple(merits), tuple(_bin_medians(truth, errors, asked)), errors)
+    return BinnedScores(tuple(merits), tuple(_bin_medians(truth, errors, asked)))
 
 
 def _bin_medians(truth: FrameTruth, errors: PoseErrors, asked: np.ndarray) -> list[Bins]:
-    """Make median errors in bins of range and of lit pixels.
-
-    Parameters
-    ----------
-    asked : (frame) which frames count
-    """
+    """Make median errors of the asked frames (frame) in bins of range and of lit pixels."""
     binned = []
     for quantity, unit, values, edges in (
         ("range", "m", truth.range_to_target_m, find_even_edges(truth.range_to_target_m[asked], 8)),

@@ -32,13 +32,7 @@ class PredictionLimits(NamedTuple):
 
     @staticmethod
     def of(rows: int, row_bytes: int) -> PredictionLimits:
-        """Return the limits of predictions for some frames.
-
-        Parameters
-        ----------
-        rows : number of frames
-        row_bytes : of all columns of a frame [byte]
-        """
+        """Return the limits of predictions for some frames."""
         return PredictionLimits(rows, min(rows * row_bytes + _SPARE_BYTES, _MOST_MEMORY_BYTES))
 
 
@@ -166,13 +160,7 @@ def _read_hdf5(path: Path, most: PredictionLimits) -> tuple[dict[str, Any], str]
 
 
 def _check_parquet(path: Path, metadata: Any, most: PredictionLimits) -> None:
-    """Check the rows of a Parquet file, and the values of each column, before they are decompressed.
-
-    Parameters
-    ----------
-    path, metadata : of the file, by `pyarrow.parquet`
-    most : greatest numbers of rows and values, see `PredictionLimits`
-    """
+    """Check the rows of a Parquet file, and the values of each column, before they are decompressed."""
     _check_rows(path, "the table", metadata.num_rows, most)
     left = most.size_bytes
     for group in range(metadata.num_row_groups):
@@ -184,12 +172,7 @@ def _check_parquet(path: Path, metadata: Any, most: PredictionLimits) -> None:
 
 
 def _check_rows(path: Path, name: str, rows: int, most: PredictionLimits) -> None:
-    """Raise `DatasetError` if a column has more rows than the dataset has frames.
-
-    Parameters
-    ----------
-    rows, most : its number of rows, and the greatest, see `PredictionLimits`
-    """
+    """Raise `DatasetError` if a column has more rows than the dataset has frames."""
     if rows > most.rows:
         raise DatasetError(
             f"{path}: {name} has {rows:,} rows, and the dataset {most.rows:,} frames; give one row for each"
@@ -197,12 +180,7 @@ def _check_rows(path: Path, name: str, rows: int, most: PredictionLimits) -> Non
 
 
 def _make_size_error(path: Path, name: str, most: PredictionLimits) -> DatasetError:
-    """Return the error for columns that are larger than predictions can be.
-
-    Parameters
-    ----------
-    most : see `PredictionLimits`
-    """
+    """Return the error for columns that are larger than predictions can be."""
     return DatasetError(
         f"{path}: has columns of more than {describe_size(most.size_bytes)}, {name} among them; give the columns that are "
         "scored, one row for each frame"

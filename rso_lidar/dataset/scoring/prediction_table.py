@@ -47,10 +47,6 @@ def load_predictions(path: str | Path, classes: Sequence[str], most: PredictionL
     path : of a CSV, Parquet, NPZ or HDF5 file
     most : that the file may hold (None: 1 GiB of columns)
 
-    Returns
-    -------
-    Predictions
-
     Raises
     ------
     DatasetError
@@ -68,10 +64,6 @@ def check_predictions(
     Parameters
     ----------
     dataset : identity of the dataset that they are about; empty if it is not known
-
-    Returns
-    -------
-    Predictions
 
     Raises
     ------
@@ -210,12 +202,7 @@ def _read_whole(values: Any, column: str, name: str) -> np.ndarray:
 
 
 def _read_numbers(values: Any, column: str, name: str, keys: np.ndarray) -> np.ndarray:
-    """Return a column of finite numbers.
-
-    Parameters
-    ----------
-    keys : (frame, 3) identities of the frames
-    """
+    """Return a column of finite numbers; keys (frame, 3) name the frame of an error."""
     numbers = _convert(values, column, name)
     bad = np.flatnonzero(~np.isfinite(numbers))
     if len(bad):
@@ -246,12 +233,7 @@ def _convert(values: Any, column: str, name: str) -> np.ndarray:
 
 
 def _read_classes(values: Any, classes: Sequence[str], name: str, keys: np.ndarray) -> np.ndarray:
-    """Return numbers of classes from their names; an empty name is -1.
-
-    Parameters
-    ----------
-    keys : (frame, 3) identities of the frames
-    """
+    """Return numbers of classes from their names; an empty name is -1."""
     numbers = {class_name: number for number, class_name in enumerate(classes)} | {"": -1}
     words = ["" if cell is None else str(cell).strip() for cell in np.asarray(values).tolist()]
     for word, key in zip(words, keys.tolist(), strict=True):
@@ -264,12 +246,7 @@ def _read_classes(values: Any, classes: Sequence[str], name: str, keys: np.ndarr
 
 
 def _read_pose(columns: Mapping[str, Any], name: str, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions (frame, 3) and unit quaternions (frame, 4); NaN where a row gives none.
-
-    Parameters
-    ----------
-    keys : (frame, 3) identities of the frames
-    """
+    """Return positions (frame, 3) and unit quaternions (frame, 4); NaN where a row gives none."""
     values = np.stack([_convert(columns[column], column, name) for column in _POSE], axis=1)
     known = np.isfinite(values)
     for bad, what in (

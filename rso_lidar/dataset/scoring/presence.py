@@ -27,10 +27,6 @@ def score_presence(truth: FrameTruth, score: np.ndarray) -> Presence:
     truth : of the frames; a frame counts as one with a target where enough pixels are lit
     score : (frame) higher where a target is more likely, and NaN where the prediction is missing. A missing prediction
         is a failure: a miss in a frame with a target, and a false alarm at every threshold in an empty one
-
-    Returns
-    -------
-    Presence
     """
     empty = truth.present == 0
     full = (truth.present > 0) & (truth.lit_pixels >= truth.min_lit_pixels)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
@@ -16,8 +15,9 @@ from rso_lidar.dataset.scoring.comparison import Comparison
 from rso_lidar.dataset.scoring.score_figures import ScoreFigure, describe_frames, draw_comparison, list_figures
 from rso_lidar.dataset.scoring.scorecard import Scorecard
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.files import check_writable, write_atomically
+from rso_lidar.files import check_writable, write_text
 from rso_lidar.picture import LIGHT, Scheme, html_page, save_figure
+from rso_lidar.units import align_columns
 
 SUFFIXES = (".html", ".json")
 _MOST_POINTS = 400  # of a curve in JSON
@@ -94,9 +94,7 @@ def save_score_report(
         place.mkdir(exist_ok=True)
         figures = _list_all(card, comparison)
         return [save_figure(figure.draw(), place / f"{figure.stem}.png", scheme=scheme) for figure in figures]
-    with write_atomically(place) as draft:
-        draft.write_text(text, encoding="utf-8")
-    return [place]
+    return [write_text(place, text, overwrite=True)]
 
 
 def format_scores(card: Scorecard) -> list[str]:
@@ -131,7 +129,7 @@ def format_scores(card: Scorecard) -> list[str]:
                 _format_ends(merit.value), *spread, f"{merit.value.frames:,}",
             )
         )  # fmt: skip
-    return [*lines, *_align(rows)]
+    return [*lines, *align_columns(rows)]
 
 
 def format_comparison(comparison: Comparison) -> list[str]:
@@ -157,7 +155,7 @@ def format_comparison(comparison: Comparison) -> list[str]:
         )
         for change in comparison.changes
     ]  # fmt: skip
-    lines = _align(rows)
+    lines = align_columns(rows)
     if len(comparison.broken) or len(comparison.repaired):
         lines.append(
             f"class: {len(comparison.broken):,} frames were right and are wrong, {len(comparison.repaired):,} the other way"
@@ -228,13 +226,7 @@ def describe(card: Scorecard, comparison: Comparison | None = None) -> dict[str,
 
 
 def write_html(card: Scorecard, comparison: Comparison | None = None, scheme: Scheme = LIGHT) -> str:
-    """Return a report as one HTML page with embedded pictures, without network access and scripts.
-
-    Parameters
-    ----------
-    comparison : with another algorithm, if any
-    scheme : of the page, `LIGHT` or `DARK`
-    """
+    """Return a report as one HTML page with embedded pictures, without network access and scripts."""
     names = ", ".join(run.name for run in card.runs)
     body = [f"<h1>Scores of {escape(names)}</h1>", f'<p class="quiet">{escape(describe_frames(card))}</p>']
     if comparison is not None:
@@ -334,26 +326,14 @@ def _plain(value: Any) -> Any:
 
 
 def _format_number(value: float, sign: bool = False, digits: int = 4) -> str:
-    """Format a number.
-
-    Parameters
-    ----------
-    value : the number; a hyphen for NaN
-    sign : whether a plus is written
-    """
+    """Format a number; a hyphen for NaN."""
     if np.isnan(value):
         return "-"
     return f"{value:{'+' if sign else ''}.{digits}g}" if abs(value) < 1e4 or np.isinf(value) else f"{value:,.0f}"
 
 
 def _format_pair(low: float, high: float, sign: bool = False) -> str:
-    """Format the ends of an interval.
-
-    Parameters
-    ----------
-    low, high : the ends; a hyphen for NaN
-    sign : whether a plus is written
-    """
+    """Format the ends of an interval; a hyphen for NaN."""
     if np.isnan(low):
         return "-"
     return f"{_format_number(low, sign)} to {_format_number(high, sign)}"
@@ -361,17 +341,3 @@ def _format_pair(low: float, high: float, sign: bool = False) -> str:
 
 def _format_ends(value: Value) -> str:
     return _format_pair(value.low, value.high)
-
-
-def _align(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table whose columns are aligned, the first and the last word column to the left."""
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-
-    def join(row: Iterable[str]) -> str:
-        cells = [
-            f"{cell:<{width}}" if k == 0 else f"{cell:>{width}}"
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        return "  ".join(cells).rstrip()
-
-    return [join(row) for row in rows]

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rso_lidar.dataset.metrics.merits import HIGHER, Bins, Value
 from rso_lidar.dataset.scoring.binned_figure import BinnedPanel, binned_figure
-from rso_lidar.dataset.scoring.change_figure import ChangeRow, change_figure
 from rso_lidar.dataset.scoring.classification import ALL, RELIABLE_RECALL, Confusions
 from rso_lidar.dataset.scoring.classification_figure import confusion_figure, precision_recall_figure, presence_figure
 from rso_lidar.dataset.scoring.comparison import Comparison
 from rso_lidar.dataset.scoring.scorecard import Scorecard
+from rso_lidar.picture import figures, palette
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _QUANTITIES = {
     "lit_pixels": "Lit pixels on the target",
@@ -37,6 +41,9 @@ _TITLES = {
     "mean_iou": "Parts against light",
     "fine_range_rms_m": "Fine ranges against light",
 }
+_COLOURS = {"better": palette.GREEN, "worse": palette.RED}
+_ROW_IN = 0.36
+_SPAN = 4.0  # half-widths of an interval that the axis shows
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +64,12 @@ def list_figures(card: Scorecard) -> list[ScoreFigure]:
     """
     note = describe_frames(card)
     merits = {merit.name: merit.value for merit in card.merits}
-    figures: list[ScoreFigure] = []
+    drawn: list[ScoreFigure] = []
     curves = {name: runs for name in card.benchmark.truth.classes if (runs := card.curves(name))}
     if curves:
         labels = {name: f"{name}   AP {format_interval(merits[f'average_precision.{name}'])}" for name in curves}
         traces = {name: [(curve.recall, curve.precision) for curve in runs] for name, runs in curves.items()}
-        figures.append(
+        drawn.append(
             ScoreFigure(
                 "precision_recall", "Precision over recall of each class against the rest (as Fuller et al., fig. 16).",
                 lambda: precision_recall_figure(traces, labels, "Precision and recall by class", note),
@@ -74,9 +81,9 @@ def list_figures(card: Scorecard) -> list[ScoreFigure]:
         groups.setdefault(f"pose_{bins.quantity}" if is_pose else bins.name, []).append((bins, values))
     for group, members in groups.items():
         panels = [_make_panel(bins, values, merits) for bins, values in members]
-        figures.append(ScoreFigure(group, _caption(group), _bind(panels, _TITLES[group], note)))
+        drawn.append(ScoreFigure(group, _caption(group), partial(binned_figure, panels, _TITLES[group], note)))
     if card.confusions:
-        figures.append(
+        drawn.append(
             ScoreFigure(
                 "confusion", "Confusion matrices: over all frames, and in thirds of range and of light. Shares in per cent.",
                 lambda: confusion_figure(
@@ -92,33 +99,49 @@ def list_figures(card: Scorecard) -> list[ScoreFigure]:
             f"AP {format_interval(merits['presence_average_precision'])}",
             f"area {format_interval(merits['presence_roc_area'])}",
         )
-        figures.append(
+        drawn.append(
             ScoreFigure(
                 "presence", "Whether a target is there: precision over recall, and recall over the rate of false alarms.",
                 lambda: presence_figure(precision, detections, words, "Target present or absent", note),
             )
         )  # fmt: skip
-    return figures
+    return drawn
 
 
-def draw_comparison(comparison: Comparison) -> Any:
-    """Draw the gain of each figure of merit with its interval.
-
-    Returns
-    -------
-    The matplotlib figure.
-    """
-    rows = []
-    for change in comparison.changes:
-        if np.isnan(change.difference):
-            continue
-        sign = 1.0 if change.better == HIGHER else -1.0
-        low, high = sorted((sign * change.low, sign * change.high))
-        words = f"{change.old:.4g} → {change.new:.4g}{'' if change.unit == '1' else f' {change.unit}'}"
-        rows.append(ChangeRow(change.name, words, sign * change.difference, low, high, change.verdict))
+def draw_comparison(comparison: Comparison) -> Figure:
+    """Draw the gain of each figure of merit, positive where the new algorithm is better, in half-widths of its interval."""
+    changes = [change for change in comparison.changes if not np.isnan(change.difference)]
     share = 1.0 - 2.0 * comparison.level
     note = f"{describe_frames(comparison.new)}   ·   {share:.0%} intervals, paired bootstrap over encounters"
-    return change_figure(rows, "New against old", note)
+    figure = figures.new_figure(10.0, 1.5 + _ROW_IN * len(changes), "New against old", note)
+    axes = figure.subplots()
+    axes.axvline(0.0, color=palette.INK, lw=figures.THIN_PT)
+    for place, change in enumerate(changes):
+        sign = 1.0 if change.better == HIGHER else -1.0
+        gain, (low, high) = sign * change.difference, sorted((sign * change.low, sign * change.high))
+        half = 0.5 * (high - low)
+        if not np.isfinite(half) or half <= 0:
+            centre, ends = float(np.sign(gain)) if np.isfinite(gain) else 0.0, (0.0, 0.0)
+        else:
+            centre, ends = gain / half, ((gain - low) / half, (high - gain) / half)
+        centre = float(np.clip(centre, -_SPAN, _SPAN))
+        axes.errorbar(
+            [centre], [place], xerr=[[max(ends[0], 0.0)], [max(ends[1], 0.0)]], fmt="o", ms=6,
+            color=_COLOURS.get(change.verdict, palette.RULE), lw=figures.THICK_PT, capsize=3,
+        )  # fmt: skip
+        words = f"{change.old:.4g} → {change.new:.4g}{'' if change.unit == '1' else f' {change.unit}'}"
+        ink = palette.INK if change.verdict in _COLOURS else palette.QUIET
+        axes.annotate(
+            f"{words}   {change.verdict}", (1.01, place), xycoords=("axes fraction", "data"), va="center",
+            fontsize=figures.SMALL_PT, color=ink, annotation_clip=False,
+        )  # fmt: skip
+    axes.set_ylim(len(changes) - 0.5, -0.5)
+    axes.set_xlim(-_SPAN - 1.2, _SPAN + 1.2)
+    figures.style_axes(axes, x="worse   ←   gain, in half-widths of its interval   →   better")
+    axes.set_yticks(range(len(changes)), [change.name for change in changes])
+    axes.tick_params(axis="y", length=0)
+    axes.grid(axis="y", color=palette.GRID, lw=figures.HAIR_PT)
+    return figure
 
 
 def describe_frames(card: Scorecard) -> str:
@@ -137,11 +160,6 @@ def format_interval(value: Value) -> str:
     if not np.isfinite(value.low):
         return f"{value.value:.3f}"
     return f"{value.value:.3f} ({value.low:.3f} to {value.high:.3f})"
-
-
-def _bind(panels: Sequence[BinnedPanel], title: str, note: str) -> Callable[[], Any]:
-    """Return a function that draws panels."""
-    return lambda: binned_figure(panels, title, note)
 
 
 def _caption(group: str) -> str:

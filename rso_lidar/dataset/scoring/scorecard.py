@@ -9,13 +9,21 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rso_lidar.dataset.metrics.merits import Bins, FigureOfMerit, Value, evaluate_all, find_values, replicate
+from rso_lidar.dataset.metrics.merits import (
+    BinnedScores,
+    Bins,
+    FigureOfMerit,
+    Value,
+    evaluate_all,
+    find_values,
+    replicate,
+)
 from rso_lidar.dataset.metrics.precision_recall import RankingCurve
 from rso_lidar.dataset.metrics.weighted_statistics import Statistic, bootstrap_interval
 from rso_lidar.dataset.scoring.classification import Classification, Confusions, score_classes
 from rso_lidar.dataset.scoring.ground_truth import FrameTruth
-from rso_lidar.dataset.scoring.pixel_errors import PartCounts, PixelScores, RangeErrors, score_parts, score_ranges
-from rso_lidar.dataset.scoring.pose_errors import ModelSurface, PoseScores, find_pose_errors, score_poses
+from rso_lidar.dataset.scoring.pixel_errors import PartCounts, RangeErrors, score_parts, score_ranges
+from rso_lidar.dataset.scoring.pose_errors import ModelSurface, find_pose_errors, score_poses
 from rso_lidar.dataset.scoring.prediction_table import Predictions
 from rso_lidar.dataset.scoring.presence import Presence, score_presence
 from rso_lidar.errors import DatasetError
@@ -28,13 +36,7 @@ class PixelReader(Protocol):
     """Arrays of a split, read for some of its frames."""
 
     def read(self, rows: Sequence[int], names: Sequence[str]) -> Mapping[str, np.ndarray]:
-        """Return arrays with the frame first.
-
-        Parameters
-        ----------
-        rows : numbers of the frames
-        names : of the arrays
-        """
+        """Return arrays with the frame first."""
         ...
 
 
@@ -63,9 +65,9 @@ class RunScores:
     missing: np.ndarray
     classification: Classification | None
     presence: Presence | None
-    poses: PoseScores | None
-    parts: PixelScores | None
-    ranges: PixelScores | None
+    poses: BinnedScores | None
+    parts: BinnedScores | None
+    ranges: BinnedScores | None
     class_id: np.ndarray | None
 
     @property
@@ -217,10 +219,6 @@ def score_run(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) 
     Parameters
     ----------
     rows : (frame) row of the prediction of each frame of the truth, -1 where it is missing: a failure
-
-    Returns
-    -------
-    RunScores
     """
     truth, missing = benchmark.truth, rows < 0
     classification = presence = poses = None
@@ -247,26 +245,14 @@ def score_run(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) 
 
 
 def _take(values: np.ndarray, rows: np.ndarray, absent: float) -> np.ndarray:
-    """Return values in the order of the truth.
-
-    Parameters
-    ----------
-    values : (row, …) of the predictions
-    rows : (frame) rows, -1 where missing
-    absent : value where missing
-    """
+    """Return values in the order of the truth, by rows (frame), which are -1 where missing."""
     taken = np.full((len(rows), *values.shape[1:]), absent, dtype=values.dtype)
     taken[rows >= 0] = values[rows[rows >= 0]]
     return taken
 
 
-def _score_parts(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) -> PixelScores:
-    """Score predicted part classes.
-
-    Parameters
-    ----------
-    rows : (frame) rows of the predictions
-    """
+def _score_parts(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) -> BinnedScores:
+    """Score predicted part classes."""
     counts = PartCounts(len(benchmark.truth), benchmark.part_classes)
     for at, arrays in _read_blocks(benchmark, ("part_class_id", "range_m")):
         true = arrays["part_class_id"]
@@ -280,13 +266,8 @@ def _score_parts(predictions: Predictions, rows: np.ndarray, benchmark: Benchmar
     return score_parts(benchmark.truth, counts, rows < 0)
 
 
-def _score_ranges(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) -> PixelScores:
-    """Score predictions at a finer resolution.
-
-    Parameters
-    ----------
-    rows : (frame) rows of the predictions
-    """
+def _score_ranges(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) -> BinnedScores:
+    """Score predictions at a finer resolution."""
     errors = RangeErrors(len(benchmark.truth))
     names = tuple(name for name in ("oversampled_range_m", "oversampled_photons") if name in predictions.pixels)
     for at, arrays in _read_blocks(benchmark, names):
@@ -309,13 +290,7 @@ def _read_blocks(benchmark: Benchmark, names: Sequence[str]) -> Any:
 def _take_pixels(
     predictions: Predictions, name: str, rows: np.ndarray, shape: tuple[int, ...], absent: float
 ) -> np.ndarray:
-    """Return arrays of pixels in the order of the truth.
-
-    Parameters
-    ----------
-    rows : (frame) rows of some frames, -1 where missing
-    absent : value where missing
-    """
+    """Return arrays of pixels in the order of the truth, by rows (frame), which are -1 where missing."""
     source = predictions.pixels[name]
     if tuple(source.shape[1:]) != tuple(shape):
         raise DatasetError(

@@ -59,13 +59,7 @@ def write_shard(
 
 
 def _write_array(file: Any, name: str, entries: list[np.ndarray]) -> None:
-    """Write one array of a shard.
-
-    Parameters
-    ----------
-    file : open h5py file
-    entries : (frame) its values
-    """
+    """Write one array of a shard."""
     spec = describe_array(name)
     if len(spec.dims) == _IMAGE_DIMENSIONS:
         encoder = ImageEncoder(max(entry.nbytes for entry in entries))

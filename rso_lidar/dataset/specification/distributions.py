@@ -38,13 +38,6 @@ def _list_bounds(low: Bound, high: Bound) -> tuple[np.ndarray, np.ndarray]:
     return lows, highs
 
 
-def _check_positive(low: Bound, high: Bound, name: str) -> None:
-    """Raise `ValueError` for a lower bound that is not above 0."""
-    lows, _ = _list_bounds(low, high)
-    if lows.min() <= 0.0:
-        raise ValueError(f"a {name} law needs low above 0, not {lows.min():g}")
-
-
 def _shorten(values: np.ndarray) -> list[float]:
     """Return values with the 12 digits that a TOML text shows."""
     return [float(f"{value:.12g}") for value in values.tolist()]
@@ -109,15 +102,23 @@ class Uniform(_Bounded):
     type: Literal["uniform"] = "uniform"
 
 
-class LogUniform(_Bounded):
-    """Uniform in the logarithm: each octave between the bounds is equally likely."""
+class _AboveZero(_Bounded):
+    """A law of numbers between two bounds above 0."""
 
-    type: Literal["log_uniform"] = "log_uniform"
+    type: str
 
     @model_validator(mode="after")
     def _positive(self) -> Self:
-        _check_positive(self.low, self.high, self.type)
+        least = np.min(self.low)
+        if least <= 0.0:
+            raise ValueError(f"a {self.type} law needs low above 0, not {least:g}")
         return self
+
+
+class LogUniform(_AboveZero):
+    """Uniform in the logarithm: each octave between the bounds is equally likely."""
+
+    type: Literal["log_uniform"] = "log_uniform"
 
     def spread(self, share: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Return the values (component) at `share`."""
@@ -125,7 +126,7 @@ class LogUniform(_Bounded):
         return spread
 
 
-class PowerLaw(_Bounded):
+class PowerLaw(_AboveZero):
     """Power law of sizes, cut off at two bounds: the number of those larger than x is proportional to x^-exponent.
 
     The NASA Standard Breakup Model has the exponent 1.71 for fragments of collisions, and 1.6 for those of explosions.
@@ -133,11 +134,6 @@ class PowerLaw(_Bounded):
 
     type: Literal["power_law"] = "power_law"
     exponent: Positive = Field(description="Exponent of the cumulative number.")
-
-    @model_validator(mode="after")
-    def _positive(self) -> Self:
-        _check_positive(self.low, self.high, self.type)
-        return self
 
     def spread(self, share: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Return the values (component) at `share`."""
@@ -307,7 +303,7 @@ def check_components(law: Any, count: int, place: str) -> None:
             raise ScenarioError(f"{place}: draws {value!r:.60}, and the field needs {needs}; choose another law")
 
 
-def check_range(law: Any, place: str) -> None:
+def check_range(law: Any) -> None:
     """Check that a law draws ranges: numbers above 0, so that no body is in the lidar or behind it.
 
     Raises
@@ -315,7 +311,7 @@ def check_range(law: Any, place: str) -> None:
     ScenarioError
         If it draws something else.
     """
-    check_components(law, 1, place)
+    check_components(law, 1, "range_m")
     least = min(law.values) if isinstance(law, Choice) else float(np.min(law.low))
     if least <= 0.0:
-        raise ScenarioError(f"{place}: draws {least:g} m, and a range is above 0; raise its lower bound")
+        raise ScenarioError(f"range_m: draws {least:g} m, and a range is above 0; raise its lower bound")

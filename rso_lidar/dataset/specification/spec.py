@@ -90,6 +90,15 @@ class DatasetSpec(FilePart):
 
         return tomli_w.dumps(self.model_dump(exclude_none=True))
 
+    def variables_of(self, target_class: ClassOfTargets) -> list[DrawnField]:
+        """Return the variables that are drawn for a class.
+
+        Parameters
+        ----------
+        target_class : one of `classes`
+        """
+        return [drawn for drawn in self.variable if not drawn.classes or target_class.name in drawn.classes]
+
     @property
     def n_samples(self) -> int:
         """Number of samples of all classes."""
@@ -152,24 +161,14 @@ def _has_few_values(law: Law) -> bool:
 
 
 def _check_names(place: str, names: list[str]) -> None:
-    """Check that names differ.
-
-    Parameters
-    ----------
-    place : key of the list that holds them
-    """
+    """Check that names differ."""
     for k, name in enumerate(names):
         if name in names[:k]:
             raise ValueError(f"{place}: two have the name '{name}'; rename one")
 
 
 def _check_split_names(split: Any, known: list[str], what: str) -> None:
-    """Check that the names of a split exist, and leave some to train on.
-
-    Parameters
-    ----------
-    split : rule with `val` and `test`
-    """
+    """Check that the names of a split exist, and leave some to train on."""
     for place in ("val", "test"):
         for name in getattr(split, place):
             if name not in known:

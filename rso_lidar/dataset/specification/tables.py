@@ -140,7 +140,7 @@ class RandomView(Part):
 
     @model_validator(mode="after")
     def _components(self) -> Self:
-        check_range(self.range_m, "range_m")
+        check_range(self.range_m)
         check_components(self.offset_fraction, 2, "offset_fraction")
         check_components(self.attitude, 4, "attitude")
         if self.spin_deg_s is not None:
@@ -190,7 +190,7 @@ class Clutter(Part):
     def _components(self) -> Self:
         if not self.models and self.fragments is None:
             raise ValueError("gives neither models nor fragments; give some of them")
-        check_range(self.range_m, "range_m")
+        check_range(self.range_m)
         check_components(self.offset_fraction, 2, "offset_fraction")
         if not 0 <= self.count.low <= self.count.high <= 16:
             raise ValueError("count: needs 0 to 16 bodies; correct low and high")

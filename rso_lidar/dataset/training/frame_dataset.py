@@ -124,12 +124,7 @@ class FrameDataset:
         return [self._change(frame, index) for frame, index in zip(frames, indices, strict=True)]
 
     def _change(self, frame: dict[str, np.ndarray], index: int | Visit) -> dict[str, np.ndarray]:
-        """Return a frame augmented and transformed.
-
-        Parameters
-        ----------
-        index : its index, with the epoch if that is known
-        """
+        """Return a frame augmented and transformed."""
         if self.augmentations:
             entropy = (self.seed, index.epoch, index.frame) if isinstance(index, Visit) else None
             rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(entropy)))
@@ -141,12 +136,7 @@ class FrameDataset:
         return {name: frame[name] for name in dict.fromkeys((*self._given, *added))}
 
     def _check_frame(self, frame: Any, change: Any, place: str) -> dict[str, np.ndarray]:
-        """Return the frame of a change, or raise `DatasetError` if it is none, or lacks an array.
-
-        Parameters
-        ----------
-        place : of the change, such as `transforms[0]`
-        """
+        """Return the frame of a change, or raise `DatasetError` if it is none, or lacks an array."""
         if not isinstance(frame, dict):
             raise DatasetError(
                 f"{place}: returned {frame!r:.40}, not a frame; return the dict of arrays that it is given"
@@ -159,12 +149,7 @@ class FrameDataset:
 
 
 def _list_changes(changes: Any, place: str) -> tuple[Any, ...]:
-    """Return the changes of a frame, or raise `DatasetError` if one cannot be called with a frame.
-
-    Parameters
-    ----------
-    place : name of the argument, such as `transforms`
-    """
+    """Return the changes of a frame, or raise `DatasetError` if one cannot be called with a frame."""
     if callable(changes) or not isinstance(changes, Iterable):
         raise DatasetError(f"{place}: is {changes!r:.60}; give a list of functions or of objects such as CropReturns()")
     listed = tuple(changes)

@@ -22,10 +22,9 @@ from rso_lidar.evaluation.orbit_determination.recorded_measurements import (
     read_gnss,
     read_gnss_errors,
 )
-from rso_lidar.evaluation.recorded_runs.flown_scenario import find_target, load_scenario, load_surfaces
-from rso_lidar.evaluation.track_quality.burns import list_known_burns
+from rso_lidar.evaluation.recorded_runs.flown_scenario import find_target, load_scenario, load_surfaces, sample_target
+from rso_lidar.evaluation.track_quality.own_knowledge import list_known_burns
 from rso_lidar.evaluation.track_quality.range_noise import estimate_range_noise_m
-from rso_lidar.evaluation.track_quality.target_mesh import sample_target
 from rso_lidar.orbit import Forces
 from rso_lidar.records import Frame, GnssSamples
 from rso_lidar.scenario import Scenario, list_lunar_bodies
@@ -119,12 +118,12 @@ def fit_own_orbit(
         For a recording without frames or GNSS, in a local world, or with burns.
     """
     scenario = _check_frames(frames, folder)
-    part = find_sensor(scenario, Gnss, sensor, "fit")
+    part = find_sensor(scenario, Gnss, sensor)
     if part is None:
         raise RecordingError('fit: the recording has no GNSS; record it with a [[sensor]] of type "gnss"')
     attitude = None
     if any(part.antenna_m):
-        attitude = find_attitude(scenario, frames, known_attitude=known_attitude, asked_by="fit")
+        attitude = find_attitude(scenario, frames, known_attitude=known_attitude)
     return _fit_gnss(scenario, frames, part, attitude, epoch_s, forces, gate)
 
 
@@ -189,7 +188,7 @@ def fit_relative_orbit(
     source = frames[0].source
     number = find_target(source, target, "fit")
     name = source.targets[number].name
-    attitude = find_attitude(scenario, frames, known_attitude=known_attitude, asked_by="fit")
+    attitude = find_attitude(scenario, frames, known_attitude=known_attitude)
     if attitude is None:
         raise RecordingError(
             'fit: the recording has no star tracker; record it with a [[sensor]] of type "star_tracker", or take the '
@@ -197,7 +196,7 @@ def fit_relative_orbit(
         )
     part = None
     if own is None and not known_orbit:
-        part = find_sensor(scenario, Gnss, None, "fit")
+        part = find_sensor(scenario, Gnss, None)
         if part is None:
             raise RecordingError(
                 'fit: the recording has no GNSS; record it with a [[sensor]] of type "gnss", or take the follower\'s orbit '
@@ -293,11 +292,9 @@ def _fit_gnss(
 
     Parameters
     ----------
-    attitude : of the follower, where its antenna is beside the origin
     epoch_s : instant of the state [s] (None: the first solution)
-    forces, gate : as for `fit_own_orbit`
     """
-    samples = join_observed([frame.observation for frame in frames], part.name, "fit")
+    samples = join_observed([frame.observation for frame in frames], part.name)
     assert isinstance(samples, GnssSamples)
     return fit_own_state(
         *read_gnss(samples, part, attitude),

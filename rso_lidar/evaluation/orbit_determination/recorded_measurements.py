@@ -14,7 +14,7 @@ from rso_lidar.evaluation.orbit_determination.attitude_history import (
     read_star_tracker,
     take_known_attitude,
 )
-from rso_lidar.evaluation.track_quality.lidar_mount import find_measured_mount, find_pointing_error_rad
+from rso_lidar.evaluation.track_quality.own_knowledge import find_measured_mount, find_pointing_error_rad
 from rso_lidar.pose import skew
 from rso_lidar.records import Frame, GnssSamples, Observation, SensorSamples, StarTrackerSamples, join_samples
 from rso_lidar.scenario import Scenario
@@ -37,31 +37,24 @@ class TargetFixes:
     inertial_from_body: np.ndarray
 
 
-def find_sensor(scenario: Scenario, kind: type[_Sensor], name: str | None, asked_by: str) -> _Sensor | None:
-    """Find a sensor of a scenario by its kind; None where there is none.
-
-    Parameters
-    ----------
-    name : of the sensor (None: the first of its kind)
-    """
+def find_sensor(scenario: Scenario, kind: type[_Sensor], name: str | None) -> _Sensor | None:
+    """Find a sensor of a scenario by its kind and name (None: the first of its kind); None where there is none."""
     known = {part.name: part for part in scenario.sensor if isinstance(part, kind)}
     if name is not None and name not in known:
         listed = ", ".join(known) or "none"
         word = kind.model_fields["type"].default
-        raise RecordingError(f"{asked_by}: no {word} sensor '{name}'{did_you_mean(name, known)} (known: {listed})")
+        raise RecordingError(f"fit: no {word} sensor '{name}'{did_you_mean(name, known)} (known: {listed})")
     return known[name] if name is not None else next(iter(known.values()), None)
 
 
-def join_observed(observations: Sequence[Observation], name: str, asked_by: str) -> SensorSamples:
+def join_observed(observations: Sequence[Observation], name: str) -> SensorSamples:
     """Join the samples of a sensor over observations."""
     if any(name not in observation.sensors for observation in observations):
-        raise RecordingError(f"{asked_by}: frames without samples of sensor '{name}'; record them again with it")
+        raise RecordingError(f"fit: frames without samples of sensor '{name}'; record them again with it")
     return join_samples([{name: observation.sensors[name]} for observation in observations])[name]
 
 
-def find_attitude(
-    scenario: Scenario, frames: Sequence[Frame], *, known_attitude: bool, asked_by: str
-) -> AttitudeHistory | None:
+def find_attitude(scenario: Scenario, frames: Sequence[Frame], *, known_attitude: bool) -> AttitudeHistory | None:
     """Return the attitude of the follower from the first star tracker; None where there is none.
 
     Parameters
@@ -70,10 +63,10 @@ def find_attitude(
     """
     if known_attitude:
         return take_known_attitude(frames)
-    part = find_sensor(scenario, StarTracker, None, asked_by)
+    part = find_sensor(scenario, StarTracker, None)
     if part is None:
         return None
-    samples = join_observed([frame.observation for frame in frames], part.name, asked_by)
+    samples = join_observed([frame.observation for frame in frames], part.name)
     assert isinstance(samples, StarTrackerSamples)
     return read_star_tracker(samples, part)
 

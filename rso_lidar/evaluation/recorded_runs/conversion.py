@@ -91,12 +91,7 @@ def _parse_start(source: Source) -> datetime.datetime:
 
 
 def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
-    """Write the states of a body as an OEM, with a new segment at each impulse.
-
-    Parameters
-    ----------
-    target : name of the body (None: the follower)
-    """
+    """Write the states of a target, or of the follower, as an OEM, with a new segment at each impulse."""
     folder = _find_folder(frames)
     truth = read_truth(frames)
     name = _check_name(target, list(truth.states))
@@ -106,12 +101,7 @@ def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
 
 def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
-    """Write the attitude of axes relative to inertial axes as an AEM.
-
-    Parameters
-    ----------
-    target : name of the axes (None: the follower's)
-    """
+    """Write the attitude of a target, or of the follower, relative to inertial axes as an AEM."""
     from scipy.spatial.transform import Rotation
 
     truth = read_truth(frames)
@@ -152,13 +142,7 @@ def _find_folder(frames: Iterable[Frame]) -> Path | None:
 
 
 def _find_breaks_s(source: Source, name: str, time_s: np.ndarray, folder: Path | None) -> list[float]:
-    """Find the times [s] of impulses with at least two frames on either side.
-
-    Parameters
-    ----------
-    time_s : (time) times of the frames [s]
-    folder : folder of the files that the scenario names
-    """
+    """Find the times [s] of impulses with at least two of the times (time) [s] on either side."""
     try:
         with suppress_warnings():
             planned = sorted(find_velocity_jumps_s(load_scenario(source, folder), name))

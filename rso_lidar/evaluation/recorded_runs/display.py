@@ -12,11 +12,11 @@ from typing import ClassVar
 from rso_lidar import picture
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
 from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario, load_surfaces
-from rso_lidar.evaluation.recorded_runs.player import Colour, find_fullest_frame, play, save_view, window_backend
+from rso_lidar.evaluation.recorded_runs.player import Colour, Player, find_fullest_frame, play, window_backend
 from rso_lidar.export import Frames, Recording
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import make_temporary_folder
-from rso_lidar.picture import ANIMATION_SUFFIXES, FIGURE_SUFFIXES, LIGHT, Scheme, Shape, rerun_scene
+from rso_lidar.picture import ANIMATION_SUFFIXES, FIGURE_SUFFIXES, LIGHT, Scheme, Shape, rerun_scene, save_figure
 from rso_lidar.records import Frame, Source
 
 _SCENE = ".rrd"
@@ -149,13 +149,7 @@ def _show(
     each: Iterable[Frame] | None,
     scheme: Scheme,
 ) -> tuple[str, ...]:
-    """Show frames in the chosen way, and describe the frames that each file shows.
-
-    Parameters
-    ----------
-    folder : folder of the mesh files that the scenario names (None: the working folder)
-    each : iterator over the same frames that reports progress while a scene is written (None: `frames`)
-    """
+    """Show frames in the chosen way, and describe the frames that each file shows."""
     if colour not in ViewerChoice.COLOURS:
         known = ViewerChoice.COLOURS
         raise RecordingError(f"view: no colour '{colour}'{did_you_mean(colour, known)} (known: {', '.join(known)})")
@@ -197,7 +191,7 @@ def _write_pictures(
             contents.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _count_frames(count))
         else:
             best = frames[find_fullest_frame(frames)]
-            save_view([best], path, shapes, colour, scheme)
+            save_figure(Player([best], shapes, colour, controls=False, scheme=scheme).figure, path)
             contents.append(f"frame {best.index}" + f" alone, of {count}, for its many returns" * (count > 1))
     return contents
 
@@ -222,13 +216,7 @@ def has_display() -> bool:
 
 
 def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> ViewerChoice:
-    """Choose the way that writes one file, by its suffix, or raise `RecordingError`.
-
-    Parameters
-    ----------
-    tool : the tool that writes it, if asked for
-    overwrite : whether an existing file is replaced
-    """
+    """Choose the way that writes one file, by its suffix, or raise `RecordingError`."""
     known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
     if tool == "window":
         raise RecordingError(f"{output}: a window writes no file; omit the name, or choose rerun or files")
@@ -240,12 +228,7 @@ def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> Vie
 
 
 def _choose_files_beside(tool: str, why: str, recording: Path | None, *, overwrite: bool) -> ViewerChoice:
-    """Choose files beside a recording, or raise `RecordingError`.
-
-    Parameters
-    ----------
-    overwrite : whether existing files are replaced
-    """
+    """Choose files beside a recording, or raise `RecordingError`."""
     if recording is None:
         raise RecordingError(f"view: {why or 'files'}: these frames have no file to write beside; give output")
     names = (_SCENE,) if tool == "rerun" else _BESIDE

@@ -1,13 +1,16 @@
-"""The scenario of a recording, and the surfaces of its targets."""
+"""The scenario of a recording, and the surfaces of its targets, also as trackers use them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from rso_lidar.errors import RecordingError, did_you_mean, suppress_warnings
 from rso_lidar.records import Source
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene import Surface
+from rso_lidar.track import MeshHinge, SampledMesh, sample_mesh
 
 
 def load_scenario(source: Source, folder: Path | None = None) -> Scenario:
@@ -35,10 +38,6 @@ def load_scenario(source: Source, folder: Path | None = None) -> Scenario:
 def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str) -> tuple[Surface, ...]:
     """Load the surfaces of one target, that of its body first, if its mesh is the recorded one.
 
-    Parameters
-    ----------
-    number : index of the target
-
     Raises
     ------
     RecordingError
@@ -56,11 +55,7 @@ def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str
 
 
 def find_target(source: Source, target: str | None, asked_by: str) -> int:
-    """Find the index of a target.
-
-    Parameters
-    ----------
-    target : its name (None: the first)
+    """Find the index of a target by name (None: the first).
 
     Raises
     ------
@@ -75,3 +70,27 @@ def find_target(source: Source, target: str | None, asked_by: str) -> int:
             f"{asked_by}: no target named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
         )
     return 0 if target is None else names.index(target)
+
+
+def sample_target(scenario: Scenario, number: int = 0, *, hinged: bool = True) -> SampledMesh:
+    """Sample the mesh of a target for ICP.
+
+    Parameters
+    ----------
+    scenario : with the target
+    number : index of the target
+    hinged : whether its hinges may turn; otherwise it is a rigid mesh with all of them at zero
+
+    Returns
+    -------
+    points of the mesh with all hinges at zero.
+    """
+    corners, joints = scenario.corners_of(number), scenario.target[number].joints
+    if not (hinged and joints):
+        return sample_mesh(corners)
+    counts = [len(surface.corners) for surface in scenario.surfaces_of(number)]  # of the body, then of each hinge
+    return sample_mesh(
+        corners,
+        hinges=[MeshHinge(joint.name, joint.position_m, joint.axis) for joint in joints],
+        hinge_of_facet=np.repeat(np.arange(-1, len(joints)), counts),
+    )

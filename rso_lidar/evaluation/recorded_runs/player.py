@@ -7,15 +7,12 @@ the meaning of the cloud's colour. The slider selects any frame.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import check_writable
 from rso_lidar.picture import (
-    FIGURE_SUFFIXES,
     LIGHT,
     Scale,
     Scheme,
@@ -30,7 +27,6 @@ from rso_lidar.picture import (
     find_target_returns,
     palette,
     recolour,
-    save_figure,
     summarize_frame,
 )
 from rso_lidar.records import Frame
@@ -201,31 +197,6 @@ class Player:
         )
 
 
-def save_view(
-    frames: Sequence[Frame],
-    path: str | Path,
-    shapes: Iterable[Shape] = (),
-    colour: Colour = "range",
-    scheme: Scheme = LIGHT,
-) -> Path:
-    """Write a picture of what the window shows, of the frame with most returns among a dozen.
-
-    Parameters
-    ----------
-    path : of the picture; PNG, PDF or SVG by the suffix
-    scheme : `LIGHT` or `DARK`
-
-    Returns
-    -------
-    The path of the file.
-    """
-    place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
-    if not len(frames):
-        raise RecordingError("nothing to draw: the recording has no frames")
-    first = find_fullest_frame(frames)
-    return save_figure(Player(frames, shapes, colour, first=first, controls=False, scheme=scheme).figure, place)
-
-
 def find_fullest_frame(frames: Sequence[Frame]) -> int:
     """Find the index of the frame with most returns among a dozen."""
     return max(even_indices(len(frames), _LOOKED_AT), key=lambda k: int(find_target_returns(frames[k]).sum()))
@@ -234,12 +205,7 @@ def find_fullest_frame(frames: Sequence[Frame]) -> int:
 def play(
     frames: Sequence[Frame], shapes: Iterable[Shape] = (), colour: Colour = "range", scheme: Scheme = LIGHT
 ) -> Player:
-    """Show the player in a window, and return it when the window is closed; a notebook does not wait.
-
-    Parameters
-    ----------
-    scheme : `LIGHT` or `DARK`
-    """
+    """Show the player in a window, and return it when the window is closed; a notebook does not wait."""
     import matplotlib
     from matplotlib import pyplot
 
@@ -302,12 +268,7 @@ def _cloud(frame: Frame, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bounds(frame: Frame, shapes: Sequence[Shape], edges_m: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
-    """Return the middle (xyz) and half the side [m] of a cube around the target, or around the returns without one.
-
-    Parameters
-    ----------
-    edges_m : their edges in lidar axes
-    """
+    """Return the middle (xyz) and half the side [m] of a cube around the target, or around the returns without one."""
     if edges_m:
         held = np.concatenate([lines.reshape(-1, 3) for lines in edges_m[: _of_one_target(shapes)]])
     else:

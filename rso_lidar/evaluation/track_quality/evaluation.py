@@ -14,20 +14,23 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.evaluation.recorded_runs.flown_scenario import find_target, load_scenario, load_surfaces
-from rso_lidar.evaluation.track_quality.burns import list_known_burns
-from rso_lidar.evaluation.track_quality.lidar_mount import find_measured_mount, find_pointing_error_rad
+from rso_lidar.evaluation.recorded_runs.flown_scenario import find_target, load_scenario, load_surfaces, sample_target
+from rso_lidar.evaluation.track_quality.own_knowledge import (
+    find_measured_mount,
+    find_pointing_error_rad,
+    list_known_burns,
+)
 from rso_lidar.evaluation.track_quality.range_noise import estimate_range_noise_m
-from rso_lidar.evaluation.track_quality.target_mesh import measure_hinges_rad, sample_target
 from rso_lidar.evaluation.track_quality.tracking_figure import TRACKED_QUANTITIES, tracking_figure
 from rso_lidar.orbit import elements_from_state
-from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
+from rso_lidar.picture import SavedResult
 from rso_lidar.pose import ROOT, cross, quaternion_xyzw, rotate_vectors
-from rso_lidar.records import Frame
+from rso_lidar.records import Frame, Truth
 from rso_lidar.scenario import Scenario, list_lunar_bodies
 from rso_lidar.track import (
     Alignment,
     Fix,
+    MeshHinge,
     PoseFollower,
     SampledMesh,
     Track,
@@ -41,7 +44,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Tracking:
+class Tracking(SavedResult):
     """Estimates and errors of the reference trackers: `table` holds columns (time) by name, with units in the names.
 
     `tracks` are the filters: ``cv`` in axes that do not rotate and, in orbit, ``cw`` in the follower's rtn axes, both with
@@ -75,24 +78,8 @@ class Tracking:
         note = f"range noise {self.range_noise_m:.3g} m, process noise {self.acceleration_m_s2_sqrt_hz:g} m/s²/√Hz"
         return tracking_figure(self.table, tuple(self.tracks), self.target, self.title, note)
 
-    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
-        """Write the table or the picture; an existing file is replaced.
-
-        Parameters
-        ----------
-        path : of the output, .csv, .png, .pdf or .svg
-        scheme : of a picture, `LIGHT` or `DARK`
-
-        Returns
-        -------
-        Path
-
-        Raises
-        ------
-        RecordingError
-            For another suffix, or a path that cannot be written.
-        """
-        return save_figure_or_table(path, self.figure, self.table, scheme)
+    def _columns(self) -> dict[str, np.ndarray]:
+        return self.table
 
 
 def tracking(
@@ -265,10 +252,16 @@ def _evaluate_frame(
         covariance = fix.covariance_m2 + along_m**2 * ahead + across_m**2 * (np.eye(3) - ahead)
     kept = None if fix is None else replace(fix, points_m=fix.points_m[:0].copy())
     points, pose = 0 if fix is None else len(fix.points_m), truth.pose("lidar", name)
-    hinges_rad = measure_hinges_rad(truth, name, follow.model.hinges if follow else ())
+    hinges_rad = _measure_hinges_rad(truth, name, follow.model.hinges if follow else ())
     return _EvaluatedFrame(
         truth.time_s, kept, points, middle, covariance, seat, turns, true_m, true_m_s, pose, hinges_rad, alignment
     )
+
+
+def _measure_hinges_rad(truth: Truth, target: str, hinges: tuple[MeshHinge, ...]) -> np.ndarray:
+    """Return the true angles (hinge) [rad] of a target's hinges, from -pi to pi."""
+    turns = [truth.pose(target, f"{target}.{hinge.name}").rotation.as_rotvec() @ hinge.direction for hinge in hinges]
+    return np.array(turns, dtype=float)
 
 
 def _half_field_rad(frame: Frame) -> tuple[float, float]:
@@ -333,12 +326,7 @@ def _compare_alignment(alignment: Alignment, true: RigidTransform, model: Sample
 
 
 def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:
-    """Return the three columns of a vector by name.
-
-    Parameters
-    ----------
-    values : (time, 3)
-    """
+    """Return the three columns of vectors (time, 3) by name."""
     return {f"{name}_{axis}{unit}": column for axis, column in zip(Tracking.AXES, values.T, strict=True)}
 
 

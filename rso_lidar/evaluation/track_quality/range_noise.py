@@ -22,10 +22,6 @@ def estimate_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
     Some of its frames are converted back into light: a return for each range, with the photons that give its intensity. A
     trial of these returns reproduces the recording's distribution of intensities, the array current of its flashes, and
     the number of pixels that trigger together.
-
-    Parameters
-    ----------
-    lidar : the instrument that took them
     """
     chosen = np.unique(np.linspace(0, len(frames) - 1, _FRAMES).round().astype(int)).tolist()
     readings = [frames[k].observation.reading for k in chosen]
@@ -67,12 +63,7 @@ def _ranges_m(readings: Sequence[Reading]) -> np.ndarray:
 
 
 def _mean_intensity(lidar: Lidar, range_m: float, rng: np.random.Generator) -> np.ndarray:
-    """Return the mean intensity [counts] of a plate at each level of photons, made monotonic.
-
-    Parameters
-    ----------
-    range_m : range of the plate [m]
-    """
+    """Return the mean intensity [counts] of a plate at each level of photons, made monotonic; ranges in [m]."""
     n = len(_LEVELS) * _EACH
     level = np.arange(n) % len(_LEVELS)
     laser = lidar.laser
@@ -86,12 +77,7 @@ def _mean_intensity(lidar: Lidar, range_m: float, rng: np.random.Generator) -> n
 
 
 def _light_of_reading(lidar: Lidar, reading: Reading, answers: np.ndarray) -> Photons:
-    """Return the light that would give a reading, with one return for each range.
-
-    Parameters
-    ----------
-    answers : (level) mean intensity at each level of photons [counts]
-    """
+    """Return the light that gives a reading, one return to a range; answers (level) are mean intensities [counts]."""
     pixel = np.flatnonzero(np.isfinite(reading.range_m))
     counts = reading.intensity_counts.ravel()[pixel].astype(float)
     # Intensities that clip take the dimmest level that clips.

@@ -115,12 +115,7 @@ def _draw_range(axes: Axes, table: Mapping[str, np.ndarray]) -> None:
 
 
 def _draw_errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str], axis: str) -> None:
-    """Draw position errors along one axis.
-
-    Parameters
-    ----------
-    table : columns (time) by name
-    """
+    """Draw position errors along one axis."""
     shown = [table[f"centroid_error_{axis}_m"]]
     axes.axhline(0, color=palette.RULE, lw=figures.THIN_PT)
     axes.plot(table["time_s"], shown[0], ".", color=palette.QUIET, ms=3, label="centroid")
@@ -137,12 +132,7 @@ def _draw_errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[st
 
 
 def _draw_nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str]) -> None:
-    """Draw the normalised innovation squared with its 95 % bounds.
-
-    Parameters
-    ----------
-    table : columns (time) by name
-    """
+    """Draw the normalised innovation squared with its 95 % bounds."""
     low, high = _NIS_95
     axes.axhspan(low, high, color=palette.SHADE, lw=0, label="95 % bounds, chi-square", zorder=0)
     axes.axhline(3.0, color=palette.INK, lw=figures.THIN_PT, ls=(0, (4, 3)), label="expected mean")
@@ -157,13 +147,7 @@ def _draw_nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str])
 def _draw_on_log(
     axes: Axes, table: Mapping[str, np.ndarray], lines: Sequence[tuple[str, str, str]], scale: float
 ) -> None:
-    """Draw columns on a logarithmic axis.
-
-    Parameters
-    ----------
-    table : columns (time) by name
-    scale : factor to the unit of the axis
-    """
+    """Draw columns on a logarithmic axis, times `scale`."""
     for name, word, colour in lines:
         axes.plot(table["time_s"], table[name] * scale, ".-", color=colour, ms=3, lw=figures.THIN_PT, label=word)
     axes.set_yscale("log")

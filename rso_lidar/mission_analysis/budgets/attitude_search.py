@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector import report_probability
 from rso_lidar.errors import ScenarioError, suppress_warnings
-from rso_lidar.mission_analysis.budgets.facing_attitudes import list_facing_attitudes
 from rso_lidar.records import Truth
 from rso_lidar.scenario import (
     Finding,
@@ -31,6 +31,7 @@ _TURNS_DEG = (15.0, 8.0, 4.0, 2.0)  # by which they are turned
 _MOST_RAYS = 60_000  # of one cast: a near body fills many pixels, and is found by each of them
 
 Attitude = tuple[int, np.ndarray]  # a row of the preview, which gives the hinges, and lidar_from_body (3, 3)
+_MOST_ALIGNED_DEG = 10.0  # an axis closer than this to a direction is described as pointing there
 
 
 class AttitudeSearch:
@@ -39,17 +40,7 @@ class AttitudeSearch:
     def __init__(
         self, lidar: Lidar, scenario: Scenario, number: int, finding: Finding, attitudes: int, *, in_run: bool
     ) -> None:
-        """Prepare the attitudes.
-
-        Parameters
-        ----------
-        lidar : the camera
-        scenario : the scenario of the body
-        number : of the body among its targets
-        finding : when the body counts as found
-        attitudes : number of attitudes
-        in_run : whether they are those of the run
-        """
+        """Prepare the attitudes."""
         with suppress_warnings():
             self._preview = preview_mission(scenario)
         self._lidar, self._scenario, self._number, self._finding = lidar, scenario, number, finding
@@ -75,13 +66,7 @@ class AttitudeSearch:
         return self._known[range_m, n]
 
     def of_attitude(self, attitude: Attitude, range_m: float, n: int) -> float:
-        """Return the probability of one attitude.
-
-        Parameters
-        ----------
-        attitude, range_m : the attitude, and the range [m]
-        n : number of places in the pixel grid over which the mean is taken
-        """
+        """Return the probability of one attitude at a range [m], the mean over `n` places in the pixel grid."""
         probabilities, _ = self._evaluate([attitude] * n, range_m, spread_attitudes(n)[1])
         return float(probabilities.mean())
 
@@ -111,13 +96,7 @@ class AttitudeSearch:
     def _rank(
         self, attitudes: Sequence[Attitude], range_m: float, n: int
     ) -> list[tuple[Attitude, tuple[float, float]]]:
-        """Rank attitudes from the worst, each with its probability and photons.
-
-        Parameters
-        ----------
-        attitudes, range_m : the attitudes, and the range [m]
-        n : number of places in the pixel grid over which the means are taken
-        """
+        """Rank attitudes at a range [m] from the worst, with their probabilities and photons, over `n` grid places."""
         places = np.tile(spread_attitudes(n)[1], (len(attitudes), 1))
         probabilities, photons = self._evaluate([attitude for attitude in attitudes for _ in range(n)], range_m, places)
         means = np.stack([probabilities.reshape(-1, n).mean(axis=1), photons.reshape(-1, n).mean(axis=1)], axis=1)
@@ -134,13 +113,7 @@ class AttitudeSearch:
     def _evaluate(
         self, attitudes: Sequence[Attitude], range_m: float, phases: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return probabilities and photons of attitudes at a range.
-
-        Parameters
-        ----------
-        attitudes, range_m : the attitudes, and the range [m]
-        phases : (attitude, right_down) places in the pixel grid
-        """
+        """Return probabilities and photons of attitudes at a range [m]; phases (attitude, right_down) in the pixel grid."""
         lidar = follow_gate(self._lidar, range_m)
         truths = [self._place(attitude, range_m, phase) for attitude, phase in zip(attitudes, phases, strict=True)]
         covered = math.pi * (self.radius_m / range_m / lidar.receiver.pixel_tangent) ** 2
@@ -148,25 +121,14 @@ class AttitudeSearch:
         return find_aspects(lidar, self._surfaces, self._number, truths, self._finding, finest)
 
     def _place(self, attitude: Attitude, range_m: float, phase: np.ndarray) -> Truth:
-        """Return the truth of the body in one pose.
-
-        Parameters
-        ----------
-        attitude, range_m : the attitude, and the range [m]
-        phase : (right_down) place in the pixel grid
-        """
+        """Return the truth of the body in one pose at a range [m], at a place (right_down) in the pixel grid."""
         row, turned = attitude
         place_m = place_body(self._lidar, range_m, phase)
         return move_target(self._scenario, self._number, self._preview.truth.at(row), place_m, turned)
 
 
 def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:
-    """Return the place (xyz) [m] in lidar axes of a body at a range, beside the boresight by parts of a pixel.
-
-    Parameters
-    ----------
-    phase : (right_down) place beside the boresight [pixels]
-    """
+    """Return the place (xyz) [m] in lidar axes of a body at a range, beside the boresight by parts of a pixel."""
     x, y = phase * lidar.receiver.pixel_tangent
     place_m: np.ndarray = np.array([x, y, 1.0]) * (range_m / math.sqrt(1.0 + x * x + y * y))
     return place_m
@@ -179,3 +141,38 @@ def follow_gate(lidar: Lidar, range_m: float) -> Lidar:
         return lidar
     opens_m = max(range_m - 0.5 * (traits.sees_to_m - traits.sees_from_m), 0.0)
     return lidar.with_settings({"gate_delay_ns": opens_m / units.RANGE_PER_DELAY_M_S / units.NS})
+
+
+def list_facing_attitudes() -> np.ndarray:
+    """Return the attitudes (attitude, 3, 3) in which a face, an edge or a corner of the body's box faces the lidar."""
+    directions = [np.array(signs, dtype=float) for signs in product((-1, 0, 1), repeat=3) if any(signs)]
+    return np.array([face_direction(direction / np.linalg.norm(direction)) for direction in directions])
+
+
+def face_direction(toward: np.ndarray) -> np.ndarray:
+    """Return lidar_from_body, a matrix (3, 3), of a body on the boresight with one direction toward the lidar.
+
+    Parameters
+    ----------
+    toward : (xyz) unit vector in body axes
+    """
+    across = np.cross(toward, np.eye(3)[np.abs(toward).argmin()])
+    across /= np.linalg.norm(across)
+    return np.array([across, np.cross(-toward, across), -toward])
+
+
+def describe_facing(lidar_from_body: np.ndarray) -> str:
+    """Describe which body axis faces the lidar, for a body on the boresight.
+
+    >>> describe_facing(face_direction(np.array([0.0, 0.0, 1.0])))
+    '+z faces the lidar'
+    """
+    toward = -lidar_from_body[2]  # the lidar is at −z of its own axes, seen from the body
+    order = np.argsort(-np.abs(toward), kind="stable")
+    first, second = (f"{'+' if toward[k] > 0.0 else '−'}{'xyz'[k]}" for k in order[:2])
+    off_deg = math.acos(min(abs(float(toward[order[0]])), 1.0)) / units.DEG
+    if off_deg < 0.5:
+        return f"{first} faces the lidar"
+    if off_deg < _MOST_ALIGNED_DEG:
+        return f"{first} faces the lidar within {off_deg:.0f}°"
+    return f"{first} faces the lidar, tilted by {off_deg:.0f}° toward {second}"

@@ -142,12 +142,7 @@ def _use_log_scale(axes: Axes) -> None:
 
 
 def _mark(axes: Axes, x: float, y: float, colour: str) -> None:
-    """Mark a point.
-
-    Parameters
-    ----------
-    x, y : of the point, in units of the axes
-    """
+    """Mark a point."""
     axes.plot([x], [y], "o", color=colour, ms=5, mec=palette.PAPER, mew=0.8, zorder=5)
 
 

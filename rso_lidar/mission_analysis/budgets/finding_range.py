@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch
-from rso_lidar.mission_analysis.budgets.body import choose_body
-from rso_lidar.mission_analysis.budgets.facing_attitudes import describe_facing
+from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch, describe_facing
 from rso_lidar.mission_analysis.budgets.finding_figure import finding_figure
-from rso_lidar.mission_analysis.budgets.inputs import select_camera
+from rso_lidar.mission_analysis.budgets.inputs import GATED_TO_M, check_probability, select_camera
 from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M
-from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
+from rso_lidar.motion import Fixed
+from rso_lidar.picture import SavedResult
 from rso_lidar.pose import quaternion_xyzw
-from rso_lidar.scenario import Finding, Lidar, Scenario
+from rso_lidar.scenario import Finding, Follower, Lidar, Scenario, Target, Time, World
 
 _SCAN_RATIO, _SCANNED_ATTITUDES = 1.35, 24  # of the ranges of the first scan, and attitudes at each
 _DRAWN = 13  # ranges at which the curve is computed, from almost always to almost never found
@@ -27,11 +26,11 @@ _SURE = 0.995
 _WORST_PLACES = 32  # places in the pixel grid, of the curve of the worst attitude
 _WITHIN = 2e-3  # relative error of solved ranges
 _NEAREST = 2.0  # radii of the body: the least range
-_GATED_TO_M = 50_000.0
+_AHEAD_M = 1000.0  # where the body stands before it is moved; any range does
 
 
 @dataclass(frozen=True, eq=False)
-class FoundRange:
+class FoundRange(SavedResult):
     """How far a body is found with a wanted probability, over its attitudes and its places in the pixel grid.
 
     `range_m` and `found_probability` (range) are the curve over all attitudes, `worst_probability` (range) that of the
@@ -130,25 +129,8 @@ class FoundRange:
             small_print=self.notes,
         )
 
-    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
-        """Write the curve as a table or a picture; an existing file is replaced.
-
-        Parameters
-        ----------
-        path : of the output, .csv, .png, .pdf or .svg
-        scheme : of a picture, `LIGHT` or `DARK`
-
-        Returns
-        -------
-        Path
-
-        Raises
-        ------
-        RecordingError
-            For another suffix, or a path that cannot be written.
-        """
-        columns = ("range_m", "found_probability", "worst_probability")
-        return save_figure_or_table(path, self.figure, {name: getattr(self, name) for name in columns}, scheme)
+    def _columns(self) -> dict[str, np.ndarray]:
+        return {name: getattr(self, name) for name in ("range_m", "found_probability", "worst_probability")}
 
     def _best_range_m(self) -> float:
         return float(self.range_m[int(self.found_probability.argmax())])
@@ -198,8 +180,7 @@ def find_range(
     True
     """
     lidar, scenario, name = select_camera(camera)
-    if not 0.0 < float(probability) < 1.0:
-        raise ScenarioError(f"probability: {probability:g}: is never or always reached; give a number between 0 and 1")
+    probability = check_probability(probability)
     if not isinstance(attitudes, int) or isinstance(attitudes, bool) or not 1 <= attitudes <= 100_000:
         raise ScenarioError(
             f"attitudes: {attitudes}: is not a number of attitudes; give a whole number from 1 to 100000"
@@ -237,7 +218,7 @@ def find_range(
         camera=name,
         body=flown.target[number].name if flown is scenario else flown.target[number].shape,
         finding=finding,
-        probability=float(probability),
+        probability=probability,
         attitudes=attitudes,
         range_m=along_m,
         found_probability=found_probability,
@@ -253,16 +234,10 @@ def find_range(
 
 
 def _choose_span_m(lidar: Lidar, given: Any, radius_m: float) -> tuple[float, float]:
-    """Return the nearest and the farthest range [m].
-
-    Parameters
-    ----------
-    given : the two, or None
-    radius_m : of the body [m]
-    """
+    """Return the nearest and the farthest range [m], as given or by the lidar and the body's radius [m]."""
     traits = lidar.detector.traits
     if given is None:
-        far_m = _GATED_TO_M if traits.is_gated else min(traits.sees_to_m, FARTHEST_M)
+        far_m = GATED_TO_M if traits.is_gated else min(traits.sees_to_m, FARTHEST_M)
         near_m = max(_NEAREST * radius_m, 0.0 if traits.is_gated else traits.sees_from_m, far_m * 1e-4)
         return near_m, max(far_m, 2.0 * near_m)
     ends = np.asarray(given, dtype=float).ravel()
@@ -273,13 +248,7 @@ def _choose_span_m(lidar: Lidar, given: Any, radius_m: float) -> tuple[float, fl
 
 
 def _scan_inward(probability: Callable[[float], float], near_m: float, far_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Scan ranges [m] from the farthest to where the body is almost always found; return them ascending, and probabilities.
-
-    Parameters
-    ----------
-    probability : function of a range [m]
-    near_m, far_m : nearest and farthest range [m]
-    """
+    """Scan ranges [m] inward to where the body is almost always found; return them ascending, and probabilities."""
     scanned: dict[float, float] = {}
     n = max(math.ceil(math.log(far_m / near_m) / math.log(_SCAN_RATIO)), 4) + 1
     for at in np.geomspace(far_m, near_m, n).tolist():
@@ -290,12 +259,7 @@ def _scan_inward(probability: Callable[[float], float], near_m: float, far_m: fl
 
 
 def _choose_curve_m(scan_m: np.ndarray, scan: np.ndarray) -> np.ndarray:
-    """Return the ranges of the curve [m]: from where the body is almost always found to where it almost never is.
-
-    Parameters
-    ----------
-    scan_m, scan : (range) scanned ranges [m] and probabilities
-    """
+    """Return the ranges of the curve [m]: from where the body is almost always found to where it almost never is."""
     seen = np.flatnonzero(scan > 1.0 - _SURE)
     if not seen.size:
         return np.geomspace(scan_m[0], scan_m[-1], _DRAWN)
@@ -308,13 +272,7 @@ def _choose_curve_m(scan_m: np.ndarray, scan: np.ndarray) -> np.ndarray:
 def _solve_m(
     probability: Callable[[float], float], range_m: np.ndarray, known: np.ndarray, wanted: float
 ) -> tuple[float, bool]:
-    """Solve the greatest range [m] with the wanted probability, and whether it is the farthest of all; NaN without any.
-
-    Parameters
-    ----------
-    probability : function of a range [m]
-    range_m, known : (range) ranges [m], and their probabilities
-    """
+    """Solve the greatest range [m] with the wanted probability, and whether it is the farthest; NaN without any."""
     reached = np.flatnonzero(known >= wanted)
     if not reached.size:
         return math.nan, False
@@ -340,13 +298,7 @@ def _has_retros(scenario: Scenario, number: int) -> bool:
 
 
 def _describe_notes(lidar: Lidar, *, in_run: bool, has_retros: bool) -> tuple[str, ...]:
-    """Describe what the answer assumes.
-
-    Parameters
-    ----------
-    in_run : whether the attitudes are those of the run
-    has_retros : whether the body has retro-reflectors
-    """
+    """Describe what the answer assumes."""
     notes = [
         "attitudes of the run" if in_run else "attitudes: all rotations, evenly; places: one pixel about the boresight"
     ]
@@ -361,3 +313,62 @@ def _describe_notes(lidar: Lidar, *, in_run: bool, has_retros: bool) -> tuple[st
 
 def _format_numbers(values: Any, digits: int) -> str:
     return "[" + ", ".join(f"{float(value) + 0.0:.{digits}f}" for value in values) + "]"
+
+
+def choose_body(lidar: Lidar, scenario: Scenario | None, body: str | None) -> tuple[Scenario, int]:
+    """Choose a body by name: a target of the scenario, or else a model or a mesh alone before the camera.
+
+    Parameters
+    ----------
+    scenario : the scenario of the camera, if any
+    body : name of a target or of a model, or path of a mesh (None: the scenario's first target)
+
+    Returns
+    -------
+    the scenario of the body, and its index there.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such body.
+    """
+    names = [] if scenario is None else [target.name for target in scenario.target]
+    if body is None:
+        if scenario is None or not names:
+            where = "a camera alone has no body" if scenario is None else "the scenario has no target"
+            raise ScenarioError(f"body: {where}; name a model, such as cubesat_3u, or the path of a mesh")
+        return scenario, 0
+    if not isinstance(body, str) or not body.strip():
+        raise ScenarioError(f"body: {body!r:.60}: is not a name; give a target, a model or the path of a mesh")
+    if scenario is not None and body in names:
+        return scenario, names.index(body)
+    try:
+        alone = _build_bench(lidar, body)
+        _ = alone.surfaces
+    except ScenarioError as error:
+        raise ScenarioError(f"body: {body}: {_explain(str(error), names)}") from None
+    return alone, 0
+
+
+def _build_bench(lidar: Lidar, model: str) -> Scenario:
+    """Build a scenario without an Earth in which a model stands before a lidar, for one frame that holds all its pulses."""
+    frame_s = max(1.0, 2.0 * lidar.exposure_s)
+    return Scenario(
+        version=1,
+        name=model,
+        world=World(axes="local"),
+        time=Time(
+            start_utc=datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC),
+            duration_s=frame_s,
+            frame_rate_hz=1.0 / frame_s,
+        ),
+        target=(Target(name="body", model=model, motion=Fixed(position_m=(_AHEAD_M, 0.0, 0.0))),),
+        follower=Follower(motion=Fixed(position_m=(0.0, 0.0, 0.0))),
+        lidar=lidar,
+    )
+
+
+def _explain(message: str, names: list[str]) -> str:
+    """Return what is wrong with a body, and the targets that a scenario has."""
+    text = message.rpartition("target body: ")[2]
+    return f"no target of that name (targets: {', '.join(names)}), and no model: {text}" if names else text

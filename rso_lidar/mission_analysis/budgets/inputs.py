@@ -24,7 +24,7 @@ from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete
 _RANGES = 121
 _SPAN = 50.0  # default of the greatest range over the least
 _FARTHEST_M = 1e9
-_GATED_TO_M = 50_000.0
+GATED_TO_M = 50_000.0  # a gate may lie anywhere; a choice
 # Silhouettes: attitudes of a run, cells along a side, and the distance in radii, where perspective changes half a per cent.
 _ATTITUDES, _CELLS, _AWAY = 24, 160, 200.0
 
@@ -51,13 +51,7 @@ def check_positive(what: str, value: Any) -> float:
 
 
 def check_angles_deg(what: str, given: Sequence[float] | float, least: float, most: float) -> tuple[float, ...]:
-    """Return distinct angles [deg], or raise `ScenarioError` for those outside the limits.
-
-    Parameters
-    ----------
-    given : one or several angles [deg]
-    least, most : limits [deg]
-    """
+    """Return distinct angles [deg], or raise `ScenarioError` for those outside the limits."""
     values = tuple(dict.fromkeys(float(value) for value in np.atleast_1d(np.asarray(given, dtype=float))))
     if not values:
         raise ScenarioError(f"{what}: is empty; give at least one angle")
@@ -67,16 +61,18 @@ def check_angles_deg(what: str, given: Sequence[float] | float, least: float, mo
     return values
 
 
-def change_divergence(lidar: Lidar, divergence_deg: float) -> Lidar:
-    """Return a camera with another beam divergence [deg]."""
-    return lidar.replace(laser=lidar.laser.replace(divergence_deg=divergence_deg))
+def check_probability(value: float) -> float:
+    """Return a probability, or raise `ScenarioError` where it is not between 0 and 1."""
+    if not 0.0 < float(value) < 1.0:
+        raise ScenarioError(f"probability: {value:g}: is never or always reached; give a number between 0 and 1")
+    return float(value)
 
 
 def choose_ranges_m(given: Any, detector: AnyDetector) -> np.ndarray:
     """Return ascending ranges [m]: those given, or 121 in equal ratios between the nearest and the farthest."""
     if given is None:
         traits = detector.traits
-        far = _GATED_TO_M if traits.is_gated else min(traits.sees_to_m, _FARTHEST_M)
+        far = GATED_TO_M if traits.is_gated else min(traits.sees_to_m, _FARTHEST_M)
         near = far / _SPAN
         if not traits.is_gated:
             near = max(near, traits.sees_from_m)

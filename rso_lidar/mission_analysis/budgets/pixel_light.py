@@ -85,13 +85,7 @@ def depth_spread_s(receiver: Receiver, tilt_rad: float, range_m: np.ndarray, fil
 
 
 def _illuminated_share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) -> np.ndarray:
-    """Return the share of the pulse's energy that falls onto a square on the boresight.
-
-    Parameters
-    ----------
-    across_m : (range) width of the square [m]
-    range_m : (range) its range [m]
-    """
+    """Return the share of the pulse's energy on a square on the boresight, by its width [m] and range [m] (range)."""
     right_m, down_m, ahead_m = laser.offset_m
     before = range_m > ahead_m
     depth_m = np.where(before, range_m - ahead_m, 1.0)
@@ -154,3 +148,19 @@ def _pattern_share(pattern: np.ndarray, x: np.ndarray, y: np.ndarray, half: np.n
         )
         shares.append(float((pattern * down[:, None] * right).sum()))
     return np.array(shares).reshape(half.shape)
+
+
+def filled_pixel_photons(laser: Laser, receiver: Receiver, brdf_per_sr: float, range_m: float) -> float:
+    """Return the photons of a pixel on the boresight that a facet facing the lidar fills.
+
+    Fuller et al., eq. 7, with the factor 4 (or the area of another footprint), before the APD.
+
+    Examples
+    --------
+    >>> from rso_lidar.optics import Laser, Receiver
+    >>> from math import pi
+    >>> round(filled_pixel_photons(Laser(), Receiver(fov_deg=2.5, f_number=2.8), 0.30 / pi, 3000.0))
+    1001
+    """
+    gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission / range_m**2
+    return float(laser.density(0.0, 0.0)) * brdf_per_sr * gathered  # type: ignore[arg-type]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,12 +13,12 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector import false_alarm_probability
 from rso_lidar.errors import ScenarioError
-from rso_lidar.files import check_writable, write_text
+from rso_lidar.files import check_writable, format_csv, write_text
 from rso_lidar.mission_analysis.budgets.budget_figure import budget_figure
 from rso_lidar.mission_analysis.budgets.inputs import (
-    change_divergence,
     check_angles_deg,
     check_positive,
+    check_probability,
     choose_materials,
     choose_ranges_m,
     choose_target,
@@ -85,15 +83,13 @@ class Budget:
 
     def csv_text(self) -> str:
         """Return all curves as one CSV table with a row for each range; column names end in their unit."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["material", "tilt_deg", "divergence_deg", *self.COLUMNS])
+        rows: list[list[Any]] = [["material", "tilt_deg", "divergence_deg", *self.COLUMNS]]
         for curve in self.curves:
             columns = [getattr(curve, name) for name in self.COLUMNS]
             for row in zip(*columns, strict=True):
                 values = [int(value) if isinstance(value, np.bool_) else f"{float(value):.7g}" for value in row]
-                writer.writerow([curve.material, f"{curve.tilt_deg:g}", f"{curve.divergence_deg:g}", *values])
-        return text.getvalue()
+                rows.append([curve.material, f"{curve.tilt_deg:g}", f"{curve.divergence_deg:g}", *values])
+        return format_csv(rows)
 
     def figure(self) -> Any:
         """Return the figure of photons, probability, precision and pixels against range."""
@@ -184,14 +180,7 @@ class Budget:
             reach = f"{curve.max_range_m:,.0f} m{ends}"
             on_target = f"{pixels:,.3g} px" if inside else "-"
             rows.append([*row, reach, *seen, f"{curve.max_range_m * self.pixel_rad:.3g} m", on_target])
-        widths = [max(len(row[k]) for row in rows) for k in range(len(heads))]
-        lines = [
-            "  ".join(
-                text.ljust(w) if k == 0 else text.rjust(w) for k, (text, w) in enumerate(zip(row, widths, strict=True))
-            )
-            for row in rows
-        ]
-        return "\n".join([f"{self.camera}: {self.about()}", *(line.rstrip() for line in lines), *self.notes])
+        return "\n".join([f"{self.camera}: {self.about()}", *units.align_columns(rows), *self.notes])
 
 
 def budget(
@@ -236,8 +225,7 @@ def budget(
     3000.0
     """
     lidar, scenario, name = select_camera(camera)
-    if not 0.0 < float(probability) < 1.0:
-        raise ScenarioError(f"probability: {probability:g}: is never or always reached; give a number between 0 and 1")
+    probability = check_probability(probability)
     if facet_m2 is not None:
         check_positive("facet_m2", facet_m2)
     along_m = choose_ranges_m(range_m, lidar.detector)
@@ -256,10 +244,8 @@ def budget(
     pixel_rad = receiver.pixel_pitch_m / receiver.focal_length_m
     filled_to_m = math.inf if facet_m2 is not None or target.square_m is None else target.square_m / pixel_rad
     curves = [
-        compute_curve(
-            change_divergence(lidar, width), label, material, tilt, along_m, facet_m2, target, filled_to_m, probability
-        )
-        for width in widths
+        compute_curve(camera_of_width, label, material, tilt, along_m, facet_m2, target, filled_to_m, probability)
+        for camera_of_width in (lidar.replace(laser=lidar.laser.replace(divergence_deg=width)) for width in widths)
         for label, material in chosen
         for tilt in tilts
     ]
@@ -267,7 +253,7 @@ def budget(
     each = float(false_alarm_probability(detector, np.array([min(detector.traits.sees_to_m, FARTHEST_M)]))[0])
     return Budget(
         name,
-        float(probability),
+        probability,
         tuple(curves),
         target.words,
         target.sides_m,

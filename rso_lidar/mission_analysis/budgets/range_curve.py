@@ -134,13 +134,7 @@ def _is_armed(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:
 
 
 def _find_greatest_range_m(probability: Any, low_m: float, high_m: float, wanted: float) -> tuple[float, bool]:
-    """Find the greatest range [m] with the wanted probability, and whether it is the upper limit; NaN without any.
-
-    Parameters
-    ----------
-    probability : function of ranges (range) [m] that returns detection probabilities
-    low_m, high_m : limits of the search [m]
-    """
+    """Find the greatest range [m] with the wanted probability, and whether it is the upper limit; NaN without any."""
     from scipy.optimize import brentq
 
     scanned = np.geomspace(low_m, high_m, _SCANNED)

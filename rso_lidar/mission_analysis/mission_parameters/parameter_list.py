@@ -105,13 +105,7 @@ def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
 
 
 def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -> Iterator[MissionParameter]:
-    """Yield the parameters of a part and of the parts in it.
-
-    Parameters
-    ----------
-    origins : where values come from
-    is_given : whether the part itself was given, and is no default
-    """
+    """Yield the parameters of a part and of the parts in it."""
     for name, field in type(part).model_fields.items():
         place, value = f"{path}.{name}".lstrip("."), getattr(part, name)
         given = is_given and name in part.model_fields_set

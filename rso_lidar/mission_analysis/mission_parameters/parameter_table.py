@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import importlib.metadata
-import io
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,10 +10,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.files import check_writable, write_text
+from rso_lidar.files import check_writable, format_csv, write_text
 from rso_lidar.mission_analysis.mission_parameters.parameter_list import MissionParameter, iterate_parameters
 from rso_lidar.mission_analysis.mission_parameters.sysml_text import write_model
 from rso_lidar.scenario import Scenario
+from rso_lidar.units import align_columns
 
 _COLUMNS = ("path", "value", "unit", "meaning", "default", "source", "is_derived")
 _WIDEST = 40  # characters of a value on the terminal
@@ -64,25 +63,23 @@ class ParameterTable:
             for parameter in self.parameters
             if parameter.value is not None
         ]
-        widths = [max(len(row[k]) for row in rows) for k in range(2)]
-        return "\n".join(f"{path:<{widths[0]}}  {value:<{widths[1]}}  {source}" for path, value, source in rows)
+        return "\n".join(align_columns(rows, left=(0, 1, 2)))
 
     def csv_text(self) -> str:
         """Return all parameters as CSV, one per row; a key without a value has an empty one."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(_COLUMNS)
-        for parameter in self.parameters:
-            values = (
+        rows = [
+            (
                 parameter.path,
                 _format_value(parameter.value),
                 parameter.unit,
                 parameter.meaning,
                 _format_value(parameter.default),
                 parameter.source,
+                int(parameter.is_derived),
             )
-            writer.writerow([*values, int(parameter.is_derived)])
-        return text.getvalue()
+            for parameter in self.parameters
+        ]
+        return format_csv([_COLUMNS, *rows])
 
     def json_text(self) -> str:
         """Return all parameters as JSON: a list of objects with the columns of the CSV table."""

@@ -163,10 +163,6 @@ def _choose_type(values: list[Any]) -> str:
 def _write_value(value: Any, unit: str) -> str:
     """Return a value as an expression of SysML.
 
-    Parameters
-    ----------
-    unit : expression of the unit; empty for none
-
     >>> _write_value(1064.0, "nm"), _write_value("a", ""), _write_value(True, "")
     ('1064.0 [nm]', '"a"', 'true')
     """

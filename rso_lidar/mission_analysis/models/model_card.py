@@ -164,12 +164,7 @@ def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: b
 
 
 def _view_width_m(surface: Surface, toward: _Direction, up: _Direction) -> float:
-    """Return the width [m] of a square view that contains the surface, centred on its bounding sphere.
-
-    Parameters
-    ----------
-    toward, up : (xyz) directions in body axes: from where it is seen, and up in the view
-    """
+    """Return the width [m] of a square view that contains the surface, centred on its bounding sphere."""
     from_middle = surface.corners.reshape(-1, 3) - surface.sphere[0]
     right, down, _ = viewer_axes(toward, up)
     return 2.0 * max(float(np.abs(from_middle @ axis).max()) for axis in (right, down))
@@ -187,14 +182,7 @@ def _list_finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], t
 
 
 def _simulate_side(target: Target, file: Callable[[str], Path], wavelength_nm: float, side: str) -> SideReturn:
-    """Simulate the light that one side of a model returns in one flash.
-
-    Parameters
-    ----------
-    target, file : the model, and the function that finds the files that it names
-    wavelength_nm : of the laser [nm]
-    side : name of the side, a key of `SIDES`
-    """
+    """Simulate the light that one side of a model returns in one flash."""
     lidar = Lidar(preset=CAMERA).at(0.0)  # type: ignore[call-arg]
     # Sides of a model lie along rows of pixels, where only a fine grid is right.
     receiver = lidar.receiver.replace(rays_per_pixel=_RAYS_PER_PIXEL)
@@ -212,14 +200,7 @@ def _simulate_side(target: Target, file: Callable[[str], Path], wavelength_nm: f
 
 
 def _lidar_from_body(toward: _Direction, up: _Direction, range_m: float) -> RigidTransform:
-    """Return lidar_from_body of a body on the boresight.
-
-    Parameters
-    ----------
-    toward : (xyz) direction in body axes from which it is seen
-    up : (xyz) direction in body axes that points up in the image
-    range_m : its range [m]
-    """
+    """Return lidar_from_body of a body on the boresight, seen from `toward`, with `up` up (xyz, body axes)."""
     from scipy.spatial.transform import RigidTransform, Rotation
 
     turn = Rotation.from_matrix(viewer_axes(toward, up))

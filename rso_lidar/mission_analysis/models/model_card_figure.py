@@ -87,12 +87,7 @@ def model_card_figure(
 
 
 def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
-    """Write the table of light at the right of the words at the foot.
-
-    Parameters
-    ----------
-    foot : height of the foot [lines]
-    """
+    """Write the table of light at the right of the words at the foot, `foot` lines high."""
     height_in = float(figure.get_figheight())
     for row, cells in enumerate(rows):
         y = (0.07 + figures.LINE_IN * (foot - 1 - row)) / height_in
@@ -145,13 +140,7 @@ def _half_height_m(views: Sequence[CardView]) -> float:
 
 
 def _draw_bar(axes: Any, view: CardView, tall_m: float) -> None:
-    """Draw a bar of a round length at the foot of a view.
-
-    Parameters
-    ----------
-    axes : the view's axes
-    tall_m : height of the axes
-    """
+    """Draw a bar of a round length at the foot of a view."""
     half_m = 0.5 * view.cell_m * view.part.shape[1]
     rounded = 10.0 ** np.floor(np.log10(half_m))
     length = float(next(step * rounded for step in (5.0, 2.0, 1.0) if step * rounded <= half_m))
@@ -162,12 +151,7 @@ def _draw_bar(axes: Any, view: CardView, tall_m: float) -> None:
 
 
 def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others: int) -> None:
-    """List names beside their colours.
-
-    Parameters
-    ----------
-    rgb : (name, 3) colours, 0 to 1
-    """
+    """List names beside their colours (name, 3), 0 to 1."""
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(_MOST_NAMES + 1.0, 0.0)

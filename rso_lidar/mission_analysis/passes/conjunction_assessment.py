@@ -172,12 +172,7 @@ def assess_conjunction(
 
 
 def _state(value: float | None, form: str, unit: str) -> str:
-    """Return what the message states of a figure, in parentheses.
-
-    Parameters
-    ----------
-    value : of the message, None where it states none
-    """
+    """Return what the message states of a figure, in parentheses; nothing for None."""
     return "" if value is None else f" (message: {value:{form}}{unit})"
 
 
@@ -191,16 +186,14 @@ def _make_state(message: ConjunctionMessage, body: ConjunctionObject, notes: lis
     try:
         return UncertainState(body.position_m, body.velocity_m_s, covariance)
     except ScenarioError as error:
-        if body.has_velocity_covariance:
-            try:
-                state = UncertainState(body.position_m, body.velocity_m_s, covariance[:3, :3])
-            except ScenarioError:
-                raise ScenarioError(f"{message.where}: {body.label}: {error}") from None
-            notes.append(
-                f"{body.label}: its 6 x 6 covariance is not positive semidefinite; only the part of the position is used"
-            )
-            return state
-        raise ScenarioError(f"{message.where}: {body.label}: {error}") from None
+        try:
+            state = UncertainState(body.position_m, body.velocity_m_s, covariance[:3, :3])
+        except ScenarioError:
+            raise ScenarioError(f"{message.where}: {body.label}: {error}") from None
+        notes.append(
+            f"{body.label}: its 6 x 6 covariance is not positive semidefinite; only the part of the position is used"
+        )
+        return state
 
 
 def _choose_radius(message: ConjunctionMessage, radius_m: float | None) -> tuple[float | None, str]:

@@ -10,23 +10,19 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, make_printable
 from rso_lidar.mission_analysis.passes.conjunction_assessment import ConjunctionAssessment
+from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M
 from rso_lidar.mission_analysis.passes.pass_geometry import reach_m
 from rso_lidar.mission_analysis.passes.scenario_lines import (
-    choose_attitude,
-    guess_model,
-    name_target,
+    LONGEST_S,
+    SHORTEST_S,
     write_cautions,
-    write_lidar,
-    write_part,
-    write_value,
+    write_motion,
+    write_scenario,
 )
-from rso_lidar.orbit import ConjunctionObject, State, format_utc
+from rso_lidar.orbit import ConjunctionObject, format_utc
 from rso_lidar.scenario import Lidar
 
 MAX_SLEW_DEG_S = 30.0  # of the drive that the file gives
-_SHORTEST_S, _LONGEST_S = 10.0, 1200.0
-_MOST_FRAMES = 1250
-_TOGETHER_M = 1e-3
 
 
 def conjunction_scenario_text(
@@ -60,7 +56,7 @@ def conjunction_scenario_text(
     """
     if isinstance(follower, bool) or follower not in (1, 2):
         raise ScenarioError(f"follower: {follower!r:.40}: a conjunction has two objects; give 1 or 2")
-    if conjunction.miss_m < _TOGETHER_M:
+    if conjunction.miss_m < TOGETHER_M:
         raise ScenarioError("conjunction: both states are equal, so there is no line of sight; correct the message")
     message = conjunction.message
     pair = (message.first, message.second)
@@ -68,38 +64,23 @@ def conjunction_scenario_text(
     if lidar is None:
         lidar = Lidar(preset="long_range_1064")  # type: ignore[call-arg]
     near_m, far_m = reach_m(lidar)
-    start_utc, duration_s, rate_hz = _choose_time(conjunction, far_m)
-    pan, pitch, roll = choose_attitude(own.state, other.state)
-    model, why = guess_model(other.name)
-    name = name_target(other.name, other.norad_id)
+    start_utc, duration_s = _choose_time(conjunction, far_m)
     slew_deg_s = conjunction.speed_m_s / conjunction.miss_m / units.DEG
     lines = [
         *map(make_printable, _write_facts(conjunction, own, other)),
         *write_cautions(conjunction.miss_m, (near_m, far_m), slew_deg_s, MAX_SLEW_DEG_S),
-        "version = 1",
-        f"name    = {write_value(f'{other.label} past {own.label}')}",
-        f"seed    = {seed}",
-        "",
-        "[time]",
-        f"start_utc     = {start_utc:%Y-%m-%dT%H:%M:%SZ}",
-        f"duration_s    = {duration_s:g}",
-        f"frame_rate_hz = {rate_hz:g}",
-        "",
-        "[[target]]",
-        f"name     = {write_value(name)}",
-        f"model    = {write_value(model)}   # {why}: size and material are as uncertain; put your own here",
-        f"motion   = {_write_motion(conjunction, other)}",
-        'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
-        "",
-        "[follower]",
-        f"motion   = {_write_motion(conjunction, own)}",
-        f'attitude = {{ type = "rtn", euler_zyx_deg = [{pan:.4f}, {pitch:.4f}, {roll:.4f}] }}   # +x to it',
-        "",
-        "[ptu]                                   # assumed",
-        f'point    = {{ type = "track", at = {write_value(name)} }}',
-        f'response = {{ type = "second_order", natural_hz = 4.0, damping = 0.7, max_rate_deg_s = {MAX_SLEW_DEG_S:g} }}',
-        "",
-        write_lidar(lidar),
+        *write_scenario(
+            f"{other.label} past {own.label}",
+            seed,
+            start_utc,
+            duration_s,
+            (other.name, other.norad_id),
+            (write_motion(other, other.state, message.tca_utc), write_motion(own, own.state, message.tca_utc)),
+            (own.state, other.state),
+            lidar,
+            max_slew_deg_s=MAX_SLEW_DEG_S,
+            slew_source="assumed",
+        ),
     ]
     return "\n".join(lines)
 
@@ -128,24 +109,11 @@ def _write_facts(conjunction: ConjunctionAssessment, own: ConjunctionObject, oth
     return lines
 
 
-def _choose_time(conjunction: ConjunctionAssessment, reach: float) -> tuple[datetime.datetime, float, float]:
-    """Return start (a whole second), duration [s] and frame rate [Hz] for a reach [m]."""
+def _choose_time(conjunction: ConjunctionAssessment, reach: float) -> tuple[datetime.datetime, float]:
+    """Return start (a whole second), and duration [s] for a reach [m]."""
     inside_m = math.sqrt(max(reach**2 - conjunction.miss_m**2, 0.0))
-    half_s = inside_m / conjunction.speed_m_s if conjunction.speed_m_s > 0.0 else _LONGEST_S
-    half_s = min(max(half_s, 0.5 * _SHORTEST_S), 0.5 * _LONGEST_S)
+    half_s = inside_m / conjunction.speed_m_s if conjunction.speed_m_s > 0.0 else LONGEST_S
+    half_s = min(max(half_s, 0.5 * SHORTEST_S), 0.5 * LONGEST_S)
     tca_utc = conjunction.message.tca_utc
     start_utc = (tca_utc - datetime.timedelta(seconds=half_s)).replace(microsecond=0)
-    duration_s = float(math.ceil(2.0 * half_s) + 1)
-    rate_hz = max(rate for rate in (1.0, 2.0, 5.0, 10.0) if duration_s * rate <= _MOST_FRAMES)
-    return start_utc, duration_s, rate_hz
-
-
-def _write_motion(conjunction: ConjunctionAssessment, body: ConjunctionObject) -> str:
-    """Write the motion of an object from its state at the closest approach."""
-    return write_part(
-        State(
-            epoch_utc=conjunction.message.tca_utc,
-            position_m=tuple(body.position_m.tolist()),
-            velocity_m_s=tuple(body.velocity_m_s.tolist()),
-        )
-    )
+    return start_utc, float(math.ceil(2.0 * half_s) + 1)

@@ -49,10 +49,6 @@ def encounter_figure(
     within_m : range limit of the search [m]
     reach_m : range at which the lidar detects a facing plate of 1 m2 [m], drawn as a line
     window_utc : start and end of the search, the span of the time axis; by default from the first row to the last
-
-    Returns
-    -------
-    Figure
     """
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
     from matplotlib.lines import Line2D
@@ -155,13 +151,7 @@ def encounter_figure(
 def _write_names(
     figure: Figure, axes: Axes, points: np.ndarray, named: Sequence[tuple[int, str]], busy: Sequence[Artist]
 ) -> None:
-    """Write the names of the first few points where they cover no point and no other name.
-
-    Parameters
-    ----------
-    points : (point, [x, y]) in data coordinates
-    named : index and name of each point to name, in order of importance
-    """
+    """Write the names of the first few points (point, [x, y]) where they cover no point and no other name."""
     from matplotlib.text import Text
     from matplotlib.transforms import Bbox
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector import find_photons
-from rso_lidar.mission_analysis.budgets.link_budget import filled_pixel_photons
+from rso_lidar.mission_analysis.budgets.pixel_light import filled_pixel_photons
 from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M, ExclusionAngles, check_constraints
-from rso_lidar.mission_analysis.passes.plate_light import PlateLight, tabulate_light
+from rso_lidar.mission_analysis.passes.plate_light import REFLECTANCE, PlateLight, tabulate_light
 from rso_lidar.orbit import (
     CloseApproach,
     Epochs,
@@ -33,7 +33,7 @@ from rso_lidar.records import BodyState
 from rso_lidar.rpo import rtn_matrix
 from rso_lidar.scenario import Constraints, Lidar
 
-REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the Lambertian target of Fuller et al., one square metre
+PLATE_M2 = 1.0  # one square metre
 SMALL_M2 = 0.01  # a side of a 1U CubeSat
 _EACH_SIDE = 100  # epochs before and after the closest approach, on each of two grids
 _APART_S = 60.0  # greatest step: in a formation the line of sight turns once per orbit
@@ -218,13 +218,7 @@ def _build_batch(
     sky: ExclusionAngles,
     each_side: int,
 ) -> list[Encounter]:
-    """Build the encounters of some close approaches.
-
-    Parameters
-    ----------
-    reach : nearest and farthest range of the lidar [m]
-    max_slew_deg_s : limit of the slew rate [deg/s]
-    """
+    """Build the encounters of some close approaches."""
     lead, objects = screened.follower, screened.objects
     which, first = (np.array(numbers) for numbers in zip(*((stay.which, stay.lead) for stay in stays), strict=True))
     time_s = np.array([stay.time_s for stay in stays])
@@ -307,8 +301,6 @@ def _integrate_stays(
     Parameters
     ----------
     speed_m_s : (stay) relative speed at the closest approach [m/s]
-    reach : nearest and farthest range of the lidar [m]
-    max_slew_deg_s : greatest rate of the line of sight [deg/s]
     """
     nearest = np.array([stay.time_s for stay in stays])
     range_m = np.array([stay.range_m for stay in stays])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import datetime
-import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.files import write_text
+from rso_lidar.files import format_csv, write_text
 from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
 from rso_lidar.mission_analysis.passes.exclusion import keep_out_radius_m, select_rtn_corridors
 from rso_lidar.mission_analysis.passes.pass_geometry import (
@@ -23,7 +21,7 @@ from rso_lidar.mission_analysis.passes.pass_geometry import (
 )
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
 from rso_lidar.scenario import Constraints, Lidar
-from rso_lidar.units import format_count
+from rso_lidar.units import align_columns, format_count
 
 NOTE = (
     "Element sets are good to about a kilometre, and worse with age: these are plausible encounters, not predictions."
@@ -36,9 +34,11 @@ class Encounters:
 
     `follower` is its element set nearest to the start, or its trajectory; None where all pairs were searched. `rejected`
     lists objects that were not propagated to the end, with the reason. `switching` counts objects that change to another
-    element set within the span. `TEXT_HEADS` are the heads of columns of text, which align to the left.
+    element set within the span. `TEXT_HEADS` are the heads of columns of text, which align to the left, and `MAX_SLEW_DEG_S`
+    is the limit of the rate of the line of sight where none is given.
     """
 
+    MAX_SLEW_DEG_S: ClassVar[float] = 2.0
     TEXT_HEADS: ClassVar[tuple[str, ...]] = ("follower", "object", "closest approach, UTC", "breaks")
 
     rows: tuple[Encounter, ...]
@@ -220,15 +220,7 @@ class Encounters:
         if not self.rows:
             return "\n".join([self.title, "no encounter found", *self.notes()])
         heads, body = self.cells()
-        widths = [max(map(len, column)) for column in zip(heads, *body, strict=True)]
-        left = {k for k, head in enumerate(heads) if head in self.TEXT_HEADS}
-        lines = [
-            "  ".join(
-                cell.ljust(width) if k in left else cell.rjust(width)
-                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-            ).rstrip()
-            for row in (heads, *body)
-        ]
+        lines = align_columns([heads, *body], [k for k, head in enumerate(heads) if head in self.TEXT_HEADS])
         return "\n".join([self.title, *lines, *self.notes()])
 
     def figure(self) -> Any:
@@ -268,12 +260,9 @@ class Encounters:
         RecordingError
             If the file exists or cannot be written there.
         """
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
         names = Encounter.columns()
-        writer.writerow(names)
-        writer.writerows([_format_cell(name, getattr(row, name)) for name in names] for row in self.rows)
-        return write_text(path, text.getvalue(), overwrite=overwrite)
+        rows = [[_format_cell(name, getattr(row, name)) for name in names] for row in self.rows]
+        return write_text(path, format_csv([names, *rows]), overwrite=overwrite)
 
 
 def _format_seconds(time_s: float) -> str:

@@ -163,13 +163,7 @@ class PlateLight:
     def _find_in_pixel(
         self, photons: np.ndarray, range_m: np.ndarray, rate_m_s: np.ndarray, sunlight_per_s: np.ndarray
     ) -> np.ndarray:
-        """Return the probability (instant) that a pixel reports the plate.
-
-        Parameters
-        ----------
-        photons : (instant) expected photons
-        range_m, rate_m_s, sunlight_per_s : as for `find_in_flash`
-        """
+        """Return the probability (instant) that a pixel reports the plate."""
         laser, detector = self.lidar.laser, self.lidar.detector
         spread_s = np.abs(rate_m_s) * self.lidar.exposure_s / units.RANGE_PER_DELAY_M_S
         if not detector.traits.is_gated:

@@ -1,10 +1,11 @@
-"""Lines of scenario files that are written for encounters: motions, attitude, camera, and the names of targets."""
+"""Scenario files that are written for encounters, line by line: motions, attitude, camera, and the names of targets."""
 
 from __future__ import annotations
 
 import datetime
 import json
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,65 @@ _HINTS = (
     (r"INTELSAT|GALAXY|\bSES\b|EUTELSAT|ASTRA|MEV", "comsat"),
     (r"JUNO", "juno"),
 )
+LONGEST_S, SHORTEST_S = 1200.0, 10.0  # of a run
+_MOST_FRAMES = 1250
 _TAKEN = ("inertial", "follower", "ptu", "lidar", "sun_direction")
+
+
+def write_scenario(
+    title: str,
+    seed: int,
+    start_utc: datetime.datetime,
+    duration_s: float,
+    target: tuple[str, int],
+    motions: tuple[str, str],
+    states: tuple[BodyState, BodyState],
+    lidar: Lidar,
+    *,
+    max_slew_deg_s: float,
+    slew_source: str,
+    size: Sequence[str] = (),
+) -> list[str]:
+    """Write the lines of a scenario whose PTU tracks one object from another.
+
+    Parameters
+    ----------
+    target : name and catalogue number of the object that is seen, whose name tells its model
+    motions : inline tables, of the object and of the follower
+    states : of the follower and of the object at the closest approach, where the follower's +x points at the object
+    max_slew_deg_s, slew_source : greatest rate of the drive [deg/s], and where it is from, in words
+    size : lines of the size and material of the object
+    """
+    name, (model, why) = write_value(name_target(*target)), guess_model(target[0])
+    pan, pitch, roll = choose_attitude(*states)
+    rate_hz = max(rate for rate in (1.0, 2.0, 5.0, 10.0) if duration_s * rate <= _MOST_FRAMES)
+    return [
+        "version = 1",
+        f"name    = {write_value(title)}",
+        f"seed    = {seed}",
+        "",
+        "[time]",
+        f"start_utc     = {start_utc:%Y-%m-%dT%H:%M:%SZ}",
+        f"duration_s    = {duration_s:g}",
+        f"frame_rate_hz = {rate_hz:g}",
+        "",
+        "[[target]]",
+        f"name     = {name}",
+        f"model    = {write_value(model)}   # {why}: size and material are as uncertain; put your own here",
+        *size,
+        f"motion   = {motions[0]}",
+        'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
+        "",
+        "[follower]",
+        f"motion   = {motions[1]}",
+        f'attitude = {{ type = "rtn", euler_zyx_deg = [{pan:.4f}, {pitch:.4f}, {roll:.4f}] }}   # +x to it',
+        "",
+        f"[ptu]                                   # {slew_source}",
+        f'point    = {{ type = "track", at = {name} }}',
+        f'response = {{ type = "second_order", natural_hz = 4.0, damping = 0.7, max_rate_deg_s = {max_slew_deg_s:g} }}',
+        "",
+        write_lidar(lidar),
+    ]
 
 
 def choose_attitude(follower: BodyState, target: BodyState) -> tuple[float, float, float]:

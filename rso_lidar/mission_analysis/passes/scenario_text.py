@@ -11,17 +11,14 @@ from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M, keep_out_rad
 from rso_lidar.mission_analysis.passes.pass_geometry import Encounter
 from rso_lidar.mission_analysis.passes.pass_table import Encounters
 from rso_lidar.mission_analysis.passes.scenario_lines import (
-    choose_attitude,
-    guess_model,
+    LONGEST_S,
+    SHORTEST_S,
     name_target,
     write_cautions,
-    write_lidar,
     write_motion,
-    write_value,
+    write_scenario,
 )
 
-_LONGEST_S, _SHORTEST_S = 1200.0, 10.0
-_MOST_FRAMES = 1250
 _MARGIN_S = 5.0
 
 
@@ -55,41 +52,25 @@ def scenario_text(table: Encounters, number: int) -> str:
         )
     row = table.rows[number - 1]
     _check_separate(table, number)
-    start_utc, duration_s, rate_hz = _choose_time(table, row)
-    name = name_target(row.name, row.norad_id)
-    pan, pitch, roll = choose_attitude(*row.states)
-    model, why = guess_model(row.name)
-    title = f"{row.label} past {row.follower_label}, {row.range_m / units.KM:.3g} km"
+    start_utc, duration_s = _choose_time(table, row)
+    at_utc = row.closest_at(table.start_utc)
     lines = [
         *map(make_printable, _write_facts(table, number)),  # a foreign name must not end a comment's line
         *map(make_printable, _write_warnings(table, row)),
-        "version = 1",
-        f"name    = {write_value(title)}",
-        f"seed    = {row.norad_id % 2**31}",
-        "",
-        "[time]",
-        f"start_utc     = {start_utc:%Y-%m-%dT%H:%M:%SZ}",
-        f"duration_s    = {duration_s:g}",
-        f"frame_rate_hz = {rate_hz:g}",
-        "",
-        "[[target]]",
-        f"name     = {write_value(name)}",
-        f"model    = {write_value(model)}   # {why}: size and material are as uncertain; put your own here",
-        *_write_size(table),
-        f"motion   = {write_motion(row.elements, row.states[1], row.closest_at(table.start_utc))}",
-        'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
-        "",
-        "[follower]",
-        f"motion   = {write_motion(row.follower, row.states[0], row.closest_at(table.start_utc))}",
-        f'attitude = {{ type = "rtn", euler_zyx_deg = [{pan:.4f}, {pitch:.4f}, {roll:.4f}] }}   # +x to it',
-        "",
-        "[ptu]                                   # the rate of the drive is the limit that was asked about",
-        f'point    = {{ type = "track", at = {write_value(name)} }}',
-        'response = { type = "second_order", natural_hz = 4.0, damping = 0.7, '
-        f"max_rate_deg_s = {table.max_slew_deg_s:g} }}",
-        "",
-        write_lidar(table.lidar),
-        *_write_constraints(table, name),
+        *write_scenario(
+            f"{row.label} past {row.follower_label}, {row.range_m / units.KM:.3g} km",
+            row.norad_id % 2**31,
+            start_utc,
+            duration_s,
+            (row.name, row.norad_id),
+            (write_motion(row.elements, row.states[1], at_utc), write_motion(row.follower, row.states[0], at_utc)),
+            row.states,
+            table.lidar,
+            max_slew_deg_s=table.max_slew_deg_s,
+            slew_source="the rate of the drive is the limit that was asked about",
+            size=_write_size(table),
+        ),
+        *_write_constraints(table, name_target(row.name, row.norad_id)),
     ]
     return "\n".join(lines)
 
@@ -161,15 +142,13 @@ def _format_age(days: float) -> str:
     return f"{abs(days):.1f} days {'before' if days >= 0.0 else 'after'}"
 
 
-def _choose_time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float, float]:
-    """Return start (a whole second), duration [s] and frame rate [Hz]."""
+def _choose_time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float]:
+    """Return start (a whole second), and duration [s]."""
     begin, end = row.span_s if math.isfinite(row.span_s[0]) else (row.stay.enter_s, row.stay.leave_s)
-    begin = max(begin - _MARGIN_S, row.time_s - 0.5 * _LONGEST_S)
-    end = max(min(end + _MARGIN_S, row.time_s + 0.5 * _LONGEST_S), begin + _SHORTEST_S)
+    begin = max(begin - _MARGIN_S, row.time_s - 0.5 * LONGEST_S)
+    end = max(min(end + _MARGIN_S, row.time_s + 0.5 * LONGEST_S), begin + SHORTEST_S)
     start_utc = (table.start_utc.astimezone(datetime.UTC) + datetime.timedelta(seconds=begin)).replace(microsecond=0)
-    duration_s = float(math.ceil(end - begin) + 1)
-    rate_hz = max(rate for rate in (1.0, 2.0, 5.0, 10.0) if duration_s * rate <= _MOST_FRAMES)
-    return start_utc, duration_s, rate_hz
+    return start_utc, float(math.ceil(end - begin) + 1)
 
 
 def _write_warnings(table: Encounters, row: Encounter) -> list[str]:

@@ -95,12 +95,10 @@ class SetErrors:
             rows.append(
                 [span, f"{self.pairs[k]:,}", *("-" if math.isnan(value) else f"{value:,.0f}" for value in values)]
             )
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
         return "\n".join(
             [
                 f"{self.label}: differences between its own element sets by age, root mean square and 68 %, in rtn axes",
-                *lines,
+                *units.align_columns(rows, left=()),
                 "consistency, not accuracy: errors of both sets count, what all sets share does not, and manoeuvres count",
             ]
         )
@@ -163,14 +161,7 @@ def _join(parts: list[np.ndarray], empty: tuple[int, ...]) -> np.ndarray:
 
 
 def _sort_into_bins(label: str, edges: np.ndarray, ages: np.ndarray, differences: np.ndarray) -> SetErrors:
-    """Sort differences by age, and compute their moments.
-
-    Parameters
-    ----------
-    edges : of the bins [day]
-    ages : (pair,) ages [day]
-    differences : (pair, 6) in rtn axes [m, m/s]
-    """
+    """Sort differences (pair, 6) in rtn axes [m, m/s] by age (pair) [day] into bins, and compute their moments."""
     bins = len(edges) - 1
     age, mean, covariance = np.full(bins, np.nan), np.full((bins, 6), np.nan), np.full((bins, 6, 6), np.nan)
     inner, pairs = np.full((bins, 3), np.nan), np.zeros(bins, dtype=int)

@@ -1,4 +1,4 @@
-"""CZML documents of bodies, their orientation and the lidar's boresight, for browser globes such as Cesium.
+"""Bodies, their orientation, lines of sight and the lidar's boresight as CZML documents, for globes such as Cesium.
 
 Positions are in inertial axes, which such globes take for ICRF. Orientations are in Earth-fixed axes, as the format
 requires: each rotates body coordinates to Earth-fixed ones (CZML wiki, Orientation). Times are elapsed seconds since
@@ -7,6 +7,7 @@ the start.
 
 from __future__ import annotations
 
+import datetime
 import json
 import os
 from collections.abc import Sequence
@@ -16,13 +17,17 @@ from typing import Any
 
 import numpy as np
 
+from rso_lidar import orbit
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import write_atomically
+from rso_lidar.files import write_text
+from rso_lidar.orbit import itrs_from_gcrs
+from rso_lidar.pose import ROOT, quaternion_xyzw
+from rso_lidar.records import Truth
 
 MOST_SAMPLES = 2000
 DEGREE = 5  # of the interpolation between positions
 COLOURS = ((213, 94, 0), (0, 114, 178), (0, 158, 115), (204, 121, 167), (230, 159, 0))
-BEAM = (255, 122, 24)
+BEAM, GREY = (255, 122, 24), (160, 164, 172)
 UM = 6  # decimal places of metres
 NS = 9  # decimal places of seconds
 QUATERNION = 12  # decimal places
@@ -143,7 +148,7 @@ def build_packets(
         if body.itrs_from_body is not None:
             packet["orientation"] = _orientation(at_s, body.itrs_from_body[chosen], start_utc)
         packets.append(packet)
-    packets += [_line(f"{a}-{b}", a, b, span, (*_grey(), 160), 1) for a, b in lines]
+    packets += [_line(f"{a}-{b}", a, b, span, (*GREY, 160), 1) for a, b in lines]
     for beam in beams:
         tip = f"{beam.name} tip"
         position = _position(at_s, beam.tip_m[chosen], start_utc, degree=1)
@@ -154,11 +159,7 @@ def build_packets(
 
 def write_czml(path: str | os.PathLike[str], document: Sequence[dict[str, Any]]) -> Path:
     """Write a CZML file, completely or not at all, and return its path."""
-    place = Path(path)
-    text = json.dumps(document, allow_nan=False, separators=(",", ":"))
-    with write_atomically(place) as draft:
-        draft.write_text(text, encoding="utf-8")
-    return place
+    return write_text(path, json.dumps(document, allow_nan=False, separators=(",", ":")), overwrite=True)
 
 
 def _check_document(
@@ -168,14 +169,7 @@ def _check_document(
     lines: Sequence[tuple[str, str]],
     beams: Sequence[CzmlBeam],
 ) -> None:
-    """Raise a `RecordingError` for input that would make an unreadable document.
-
-    Parameters
-    ----------
-    time_s : (time) instants [s]
-    lines : pairs of names that lines join
-    beams : with the name of the body that each starts from
-    """
+    """Raise a `RecordingError` for input that would make an unreadable document."""
     if not bodies or time_s.size < 1:
         raise RecordingError("czml: no body or no instant to write; check the selection")
     if len(set(names)) < len(names):
@@ -194,18 +188,8 @@ def _check_document(
         raise RecordingError(f"czml: a line ends at '{name}', which is not a body; known: {', '.join(names)}")
 
 
-def _grey() -> tuple[int, int, int]:
-    return (160, 164, 172)
-
-
 def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
-    """Return time-tagged samples in one row; a single sample is a constant without a time.
-
-    Parameters
-    ----------
-    at_s : (time) instants [s]
-    values : (time, n)
-    """
+    """Return time-tagged samples (time, n) in one row; a single sample is a constant without a time."""
     if at_s.size == 1:
         return [round(float(value), digits) for value in values[0]]
     rows = zip(at_s.tolist(), values.tolist(), strict=True)
@@ -213,14 +197,7 @@ def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
 
 
 def _position(at_s: np.ndarray, position_m: np.ndarray, epoch: str, degree: int = DEGREE) -> dict[str, Any]:
-    """Return a position in inertial axes.
-
-    Parameters
-    ----------
-    at_s : (time) instants [s]
-    position_m : (time, 3) in GCRS axes [m]
-    epoch : ISO 8601 text of the start
-    """
+    """Return a position (time, 3) [m] in inertial axes; `epoch` is the ISO 8601 text of the start."""
     return {
         "interpolationAlgorithm": "LAGRANGE" if degree > 1 else "LINEAR",
         "interpolationDegree": min(degree, max(at_s.size - 1, 1)),
@@ -231,14 +208,7 @@ def _position(at_s: np.ndarray, position_m: np.ndarray, epoch: str, degree: int 
 
 
 def _orientation(at_s: np.ndarray, quaternion: np.ndarray, epoch: str) -> dict[str, Any]:
-    """Return the orientation as quaternions whose signs keep neighbours close.
-
-    Parameters
-    ----------
-    at_s : (time) instants [s]
-    quaternion : (time, 4), x, y, z, w
-    epoch : ISO 8601 text of the start
-    """
+    """Return the orientation as quaternions (time, xyzw) whose signs keep neighbours close."""
     flips = np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=-1) < 0.0, -1.0, 1.0)
     smooth = quaternion * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
     return {
@@ -250,13 +220,7 @@ def _orientation(at_s: np.ndarray, quaternion: np.ndarray, epoch: str) -> dict[s
 
 
 def _line(name: str, a: str, b: str, span: str, rgba: tuple[int, ...], width: int) -> dict[str, Any]:
-    """Return a straight line between two bodies.
-
-    Parameters
-    ----------
-    rgba : colour, 0 to 255
-    width : [pixels]
-    """
+    """Return a straight line between two bodies, its width in pixels."""
     return {
         "id": name,
         "name": name,
@@ -273,3 +237,48 @@ def _line(name: str, a: str, b: str, span: str, rgba: tuple[int, ...], width: in
 def _id(name: str) -> str:
     """Return a name as references write it, with a backslash before characters that would end it."""
     return name.replace("\\", "\\\\").replace("#", "\\#").replace(".", "\\.")
+
+
+def write_globe(
+    path: str | os.PathLike[str], title: str, start_utc: datetime.datetime, targets: list[str], place: Truth
+) -> Path:
+    """Write a CZML file: bodies with their orientation, lines of sight to targets, and the lidar's boresight.
+
+    Parameters
+    ----------
+    path : of the file; an existing one is replaced
+    title : name of the document
+    start_utc : start of the run
+    targets : names of the targets
+    place : truth, batched over epochs; `choose_globe_samples` reduces it to as many as browser globes play smoothly
+
+    Returns
+    -------
+    Path
+        Of the file, which is written completely or not at all.
+
+    Raises
+    ------
+    RecordingError
+        Without a body, or where positions are not finite.
+    """
+    from scipy.spatial.transform import Rotation
+
+    time_s = place.time_s
+    fixed = itrs_from_gcrs(orbit.Epochs(start_utc, time_s))
+    bodies = []
+    for name, state in place.states.items():
+        turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (time_s.size, 3, 3))
+        itrs_from_body = np.einsum("kij,kjl->kil", fixed, turned)
+        bodies.append(CzmlBody(name, state.position_m, quaternion_xyzw(Rotation.from_matrix(itrs_from_body))))
+    beams = []
+    if targets:
+        nearest = np.min([np.linalg.norm(place.pose("lidar", name).translation, axis=-1) for name in targets], axis=0)
+        ahead = np.zeros((time_s.size, 3))
+        ahead[:, 2] = nearest
+        beams.append(CzmlBeam("boresight", "follower", place.pose(ROOT, "lidar").apply(ahead)))
+    ends = orbit.Epochs(start_utc, np.array([0.0, time_s[-1]]))
+    start, end = ends.skyfield_time().utc_iso(places=6)
+    lines = [("follower", name) for name in targets]
+    packets = build_packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
+    return write_czml(path, packets)

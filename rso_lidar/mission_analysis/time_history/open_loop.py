@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion, orbit, rpo, units
+from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import Chief, find_flight, find_plan, get_chief_name, list_commands
 from rso_lidar.orbit import find_eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth, tabulate_truth
@@ -37,7 +38,7 @@ def fly_open_loop(
     numbers = scenario.time.choose_frames(frames)
     ptu, mount = scenario.pan_tilt, scenario.lidar.mount
     with scenario.locate_errors():
-        world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
+        world = scenario.world.keywords
         truth = motion.truth(scenario.bodies, scenario.epochs(numbers), **world)
         angles: tuple[PtuAngles, ...] = ()
         pan_tilt_rad = rate_rad_s = np.zeros((numbers.size, 2))
@@ -55,13 +56,7 @@ def fly_open_loop(
 def _pointing(
     scenario: Scenario, ptu: motion.Ptu, numbers: np.ndarray, time_s: np.ndarray, asked: Any
 ) -> Iterable[PtuAngles]:
-    """Step the PTU from frame to frame, and yield its angles at each.
-
-    Parameters
-    ----------
-    numbers : indices (time) of frames
-    time_s : times (time) of the frames [s]
-    """
+    """Step the PTU from frame to frame, and yield its angles at each; numbers and times [s] are (time)."""
     state = motion.start(ptu, asked)
     for k, until_s in zip(numbers.tolist(), time_s.tolist(), strict=True):
         state = motion.step(ptu, state, asked, until_s=until_s)
@@ -73,6 +68,26 @@ def tabulate_run(scenario: Scenario, truth: Truth, angles: tuple[PtuAngles, ...]
     return tabulate_truth(
         truth, [target.name for target in scenario.target], format_utc(scenario, truth.time_s), angles
     )
+
+
+def choose_rows(scenario: Scenario, every_s: float | None) -> np.ndarray:
+    """Return the indices of frames that are `every_s` [s] apart, in whole frames, and of the last one; None: of all.
+
+    Raises
+    ------
+    ScenarioError
+        For a time that is not above 0, or shorter than from frame to frame.
+    """
+    stride, last, step_s = 1, scenario.time.n_frames - 1, 1.0 / scenario.time.frame_rate_hz
+    if every_s is not None:
+        if not 0.0 < every_s < np.inf:
+            raise ScenarioError(f"every_s {every_s:g}: needs seconds above 0")
+        if every_s < step_s * (1.0 - 1e-9):
+            raise ScenarioError(
+                f"every_s {every_s:g}: frames are {step_s:g} s apart; give at least that, or --set time.frame_rate_hz"
+            )
+        stride = round(every_s / step_s)
+    return np.union1d(np.arange(0, last + 1, stride), last)  # the last frame too, so that a table covers the whole run
 
 
 def format_utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
@@ -112,8 +127,7 @@ def sample_between_impulses(
     ends = [at - back for at in inside for back in (_BESIDE_S, 0.0)]
     kept = [t for t in time_s.tolist() if not any(at - 2.0 * _BESIDE_S < t < at for at in inside)]
     epochs = orbit.Epochs(scenario.time.start_utc, np.union1d(kept, ends))
-    world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
-    return epochs, motion.truth(scenario.bodies, epochs, **world).states[name], inside
+    return epochs, motion.truth(scenario.bodies, epochs, **scenario.world.keywords).states[name], inside
 
 
 def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:

@@ -106,13 +106,7 @@ def find_opportunities(
 def _evaluate_flash(
     scenario: Scenario, truth: Truth, target: int, finest: int, curve: DetectionCurve
 ) -> DetectionOpportunity:
-    """Compute the detection opportunity of a target in one flash.
-
-    Parameters
-    ----------
-    scenario, truth, target : the scenario, the truth of one epoch, and the index of the target
-    finest : greatest number of rays along the side of a pixel
-    """
+    """Compute the detection opportunity of a target in one flash, with at most `finest` rays along a pixel's side."""
     lidar = scenario.instrument.at(truth.time_s)
     seen = cast_surfaces(lidar, scenario.surfaces, truth, target, finest)
     if not seen.pixel.size:

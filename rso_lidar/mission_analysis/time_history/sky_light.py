@@ -61,12 +61,7 @@ def find_sky_light(scenario: Scenario, truth: Truth) -> np.ndarray:
 
 
 def _tabulate_angles(scenario: Scenario, truth: Truth, frames: np.ndarray) -> dict[str, np.ndarray]:
-    """Tabulate the angles from the boresight to the Earth's limb and to the Moon's centre [rad].
-
-    Parameters
-    ----------
-    frames : as for `tabulate_sky`
-    """
+    """Tabulate the angles from the boresight to the Earth's limb and to the Moon's centre [rad]."""
     position_m = np.broadcast_to(truth.states["follower"].position_m, (frames.size, 3))
     ahead = rotate_vectors(truth.poses.place(ROOT, "lidar")[1], np.array([0.0, 0.0, 1.0]))
     boresight = np.broadcast_to(ahead, position_m.shape)

@@ -7,22 +7,21 @@ interpolated relative to the target's projected bounds and to the light of a fil
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rso_lidar import motion
-from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.mission_analysis.budgets.link_budget import filled_pixel_photons
-from rso_lidar.mission_analysis.time_history.open_loop import find_umbras, fly_open_loop, format_utc
+from rso_lidar.errors import ScenarioError
+from rso_lidar.mission_analysis.budgets.pixel_light import filled_pixel_photons
+from rso_lidar.mission_analysis.time_history.open_loop import choose_rows, find_umbras, fly_open_loop, format_utc
 from rso_lidar.mission_analysis.time_history.opportunities import DetectionOpportunity, find_opportunities
 from rso_lidar.mission_analysis.time_history.sky_light import tabulate_sky
 from rso_lidar.mission_analysis.time_history.timeline_figure import timeline_figure
-from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
+from rso_lidar.picture import SavedResult
 from rso_lidar.pose import ROOT, cross, dot, rotate_vectors
 from rso_lidar.records import PtuAngles, Truth, compute_viewing_geometry
-from rso_lidar.scenario import Scenario, require_scenario
+from rso_lidar.scenario import Scenario, find_target, require_scenario
 from rso_lidar.scene import Surface
 
 CASTS = 300  # greatest number of frames at which rays are cast
@@ -33,7 +32,7 @@ _AT_LIMIT = 1e-3  # relative distance to the greatest rate within which a drive 
 
 
 @dataclass(frozen=True, eq=False)
-class Timeline:
+class Timeline(SavedResult):
     """One encounter over time: `table` holds columns (time) by name, with units in the names.
 
     The column ``cast`` is 1 where rays were cast, and 0 where light is interpolated. `travel_rad` are the limits of pan and
@@ -61,24 +60,8 @@ class Timeline:
             shadow_s=self.shadow_s,
         )
 
-    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
-        """Write the table or the picture; an existing file is replaced.
-
-        Parameters
-        ----------
-        path : of the output, .csv, .png, .pdf or .svg
-        scheme : of a picture, `LIGHT` or `DARK`
-
-        Returns
-        -------
-        Path
-
-        Raises
-        ------
-        RecordingError
-            For another suffix, or a path that cannot be written.
-        """
-        return save_figure_or_table(path, self.figure, self.table, scheme)
+    def _columns(self) -> dict[str, np.ndarray]:
+        return self.table
 
 
 def timeline(
@@ -104,12 +87,10 @@ def timeline(
         For a scenario without targets, a name that is not known, and values outside their limits.
     """
     require_scenario(scenario, "timeline")
-    number = _find_target(scenario, target)
+    number = find_target(scenario, target, "timeline")
     if casts < 1:
         raise ScenarioError(f"casts: needs a whole number from 1, not {casts}")
-    stride = count_frames_between(scenario, every_s)
-    last = scenario.time.n_frames - 1
-    frames = np.union1d(np.arange(0, last + 1, stride), last)
+    frames = choose_rows(scenario, every_s)
     truth, angles = fly_open_loop(scenario, frames)
     name = scenario.target[number].name
     table: dict[str, np.ndarray] = {"time_s": truth.time_s, "utc": format_utc(scenario, truth.time_s)}
@@ -129,29 +110,6 @@ def timeline(
         max_rate_rad_s=getattr(response, "max_rate_rad_s", np.inf),
         shadow_s=None if shadows is None else tuple(shadows),
     )
-
-
-def count_frames_between(scenario: Scenario, every_s: float | None) -> int:
-    """Return the number of frames from row to row for rows `every_s` [s] apart."""
-    if every_s is None:
-        return 1
-    if not 0.0 < every_s < np.inf:
-        raise ScenarioError(f"every: needs seconds above 0, not {every_s:g}")
-    step_s = 1.0 / scenario.time.frame_rate_hz
-    if every_s < step_s * (1.0 - 1e-9):
-        raise ScenarioError(f"every: frames are {step_s:g} s apart, more than {every_s:g}; give at least that")
-    return round(every_s / step_s)
-
-
-def _find_target(scenario: Scenario, target: str | None) -> int:
-    names = [candidate.name for candidate in scenario.target]
-    if not names:
-        raise ScenarioError("timeline: the scenario has no target; add a [[target]]")
-    if target is not None and target not in names:
-        raise ScenarioError(
-            f"timeline: no target named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
-        )
-    return 0 if target is None else names.index(target)
 
 
 def _tabulate_geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:
@@ -186,12 +144,7 @@ def _tabulate_geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:
 
 
 def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[PtuAngles, ...]) -> dict[str, np.ndarray]:
-    """Tabulate demand and response of the PTU, and where it is at a limit; nothing without a PTU.
-
-    Parameters
-    ----------
-    time_s : (time) times of the frames [s]
-    """
+    """Tabulate demand and response of the PTU, and where it is at a limit; nothing without a PTU."""
     if scenario.ptu is None:
         return {}
     response = scenario.ptu.response
@@ -200,9 +153,8 @@ def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[Ptu
         np.stack([getattr(ptu_angles, name) for ptu_angles in angles])
         for name in ("demand_rad", "actual_rad", "rate_rad_s")
     )
-    world: dict[str, Any] = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
     with scenario.locate_errors():
-        asked = motion.make_demand(scenario.ptu, scenario.bodies, *scenario.span, **world)
+        asked = motion.make_demand(scenario.ptu, scenario.bodies, *scenario.span, **scenario.world.keywords)
     before, after = np.maximum(time_s - _RATE_S, 0.0), np.minimum(time_s + _RATE_S, max(scenario.span[1], _RATE_S))
     demand_rate = (asked(after) - asked(before)) / (after - before)[:, None]
     table = {}
@@ -223,13 +175,7 @@ def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[Ptu
 
 
 def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -> dict[str, np.ndarray]:
-    """Tabulate bounds and light of the target: light is cast at some frames and interpolated at the others.
-
-    Parameters
-    ----------
-    number : index of the target
-    casts : greatest number of frames at which rays are cast
-    """
+    """Tabulate bounds and light of the target: light is cast at up to `casts` frames, interpolated at the others."""
     time_s = truth.time_s
     lidars = [scenario.instrument.at(float(at)) for at in time_s]
     edge = np.array([lidar.receiver.field_edge for lidar in lidars])
@@ -353,25 +299,14 @@ def _project_bounds(scenario: Scenario, truth: Truth, number: int | None) -> tup
 
 
 def _is_near(surface: Surface, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return whether (time) the lidar is within a radius of the sphere about a surface.
-
-    Parameters
-    ----------
-    place, turn : (time, 3) and (time, 3, 3) lidar_from_surface
-    """
+    """Return whether (time) the lidar is within a radius of the sphere about a surface, by lidar_from_surface."""
     centre, radius_m = surface.sphere
     near: np.ndarray = np.linalg.norm(rotate_vectors(turn, centre) + place, axis=-1) < 2.0 * radius_m
     return near
 
 
 def _clip_bounds(low: np.ndarray, high: np.ndarray, edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sides (time, 2) of bounds, and those of their part in the field; 0 where there is none.
-
-    Parameters
-    ----------
-    low, high : (time, 2) bounds
-    edge : (time, 2) half field
-    """
+    """Return the sides (time, 2) of bounds, and those of their part in the half field (time, 2); 0 where none is."""
     with np.errstate(invalid="ignore"):
         sides = np.where(low <= high, high - low, 0.0)
     inside = np.where(low <= high, np.maximum(np.minimum(high, edge) - np.maximum(low, -edge), 0.0), 0.0)

@@ -19,6 +19,7 @@ _PANEL_IN = 1.42  # height of a panel [inches]
 _WHOLE = 0.999  # share of the bounds in the field from which the whole target counts as in it
 _SOME = 1e-6  # below this share, none of it does
 _DASHED = (0, (4, 3))
+_DRIVES = (("pan", palette.BLUE), ("tilt", palette.GREEN))
 _LEGEND = 0.22  # height of a legend of one line over that of a panel
 Table = Mapping[str, np.ndarray]
 
@@ -167,38 +168,22 @@ def _draw_sky_light(axes: Axes, table: Table) -> None:
 
 
 def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, float]] | None) -> None:
-    """Draw pan and tilt, demanded and true, with their limits.
-
-    Parameters
-    ----------
-    table : columns by name
-    travel_rad : limits of pan and of tilt [rad]; None without limits
-    """
-    for word, colour in (("pan", palette.BLUE), ("tilt", palette.GREEN)):
-        axes.plot(table["time_s"], table[f"{word}_demand_rad"] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3)
-        axes.plot(table["time_s"], table[f"{word}_actual_rad"] / DEG, color=colour, lw=figures.LINE_PT, label=word)
+    """Draw pan and tilt, demanded and true, with their limits [rad]."""
+    for word, colour in _DRIVES:
+        _draw_followed(axes, table, word, colour, f"{word}_demand_rad", f"{word}_actual_rad")
         _mark(axes, table, f"{word}_beyond_travel", f"{word}_demand_rad", f"{word} beyond its travel")
     figures.style_axes(axes, y="PTU [deg]\npale: demanded")
     figures.widen_short_axis(axes, 0.01)
-    for (low, high), colour in zip(travel_rad or (), (palette.BLUE, palette.GREEN), strict=False):
+    for (low, high), (_, colour) in zip(travel_rad or (), _DRIVES, strict=False):
         _draw_limit(axes, low / DEG, colour)
         _draw_limit(axes, high / DEG, colour)
     _draw_legend(axes)
 
 
 def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
-    """Draw the rates of pan and tilt, demanded and true.
-
-    Parameters
-    ----------
-    table : columns by name
-    max_rate_rad_s : limit of the rates [rad/s]; infinite without a limit
-    """
-    for word, colour in (("pan", palette.BLUE), ("tilt", palette.GREEN)):
-        axes.plot(
-            table["time_s"], table[f"{word}_demand_rate_rad_s"] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3
-        )
-        axes.plot(table["time_s"], table[f"{word}_rate_rad_s"] / DEG, color=colour, lw=figures.LINE_PT, label=word)
+    """Draw the rates of pan and tilt, demanded and true, with their limit [rad/s] unless infinite."""
+    for word, colour in _DRIVES:
+        _draw_followed(axes, table, word, colour, f"{word}_demand_rate_rad_s", f"{word}_rate_rad_s")
         _mark(axes, table, f"{word}_at_greatest_rate", f"{word}_rate_rad_s", f"{word} at its greatest rate")
     most = max_rate_rad_s / DEG
     figures.style_axes(axes, y="PTU rates\n[deg/s]")
@@ -212,14 +197,14 @@ def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
     _draw_legend(axes)
 
 
-def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
-    """Draw the angle of the target off the boresight, and the share of its bounds in the field.
+def _draw_followed(axes: Axes, table: Table, word: str, colour: str, demanded: str, true: str) -> None:
+    """Draw a column over the pale one that it follows."""
+    axes.plot(table["time_s"], table[demanded] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3)
+    axes.plot(table["time_s"], table[true] / DEG, color=colour, lw=figures.LINE_PT, label=word)
 
-    Parameters
-    ----------
-    table : columns by name
-    half_field_rad : half of the field of view [rad]
-    """
+
+def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
+    """Draw the angle of the target off the boresight, half the field [rad], and its share in the field."""
     off_deg = table["off_boresight_rad"] / DEG
     axes.plot(table["time_s"], off_deg, color=palette.RED, lw=figures.LINE_PT, label="target's origin")
     greatest = float(np.nanmax(off_deg))
@@ -307,13 +292,7 @@ def _add_right_axis(axes: Axes, label: str, colour: str) -> Axes:
 
 
 def _mark(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
-    """Mark where a drive is at a limit.
-
-    Parameters
-    ----------
-    table : columns by name
-    where, value : names of the columns that say where, and which value
-    """
+    """Mark where a drive is at a limit, by the column `where`."""
     at = np.flatnonzero(table[where])
     if at.size:
         axes.plot(table["time_s"][at], table[value][at] / DEG, ".", color=palette.FALSE, ms=4, label=label, zorder=4)

@@ -45,7 +45,7 @@ def truth(
     (3, 3)
     """
     if isinstance(scenario, Scenario):
-        start_utc, world = scenario.time.start_utc, scenario.world
+        start_utc = scenario.time.start_utc
         if epochs is None:
             at = scenario.epochs()
         elif isinstance(epochs, orbit.Epochs):  # motions count from the start of their run
@@ -53,7 +53,7 @@ def truth(
         else:
             at = orbit.Epochs(start_utc, np.asarray(epochs))
         with scenario.locate_errors():
-            body_truth = motion.truth(scenario.bodies, at, local=scenario.is_local, sun_direction=world.sun_direction)
+            body_truth = motion.truth(scenario.bodies, at, **scenario.world.keywords)
             ptu = scenario.pan_tilt
             still = np.zeros((len(at), 2))
             pan_tilt_rad = still if ptu is None else motion.compute_demand(ptu, scenario.bodies, body_truth)

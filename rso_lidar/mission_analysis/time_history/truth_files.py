@@ -10,9 +10,9 @@ import numpy as np
 from rso_lidar import orbit, picture
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_columns
-from rso_lidar.mission_analysis.time_history.czml import choose_globe_samples
-from rso_lidar.mission_analysis.time_history.globe import write_globe
+from rso_lidar.mission_analysis.time_history.czml import choose_globe_samples, write_globe
 from rso_lidar.mission_analysis.time_history.open_loop import (
+    choose_rows,
     find_mission_plan,
     find_umbras,
     fly_open_loop,
@@ -26,7 +26,7 @@ from rso_lidar.pose import ROOT
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
 
-_FIGURES = ("relative", "orbit", "angles", "ptu")
+TRUTH_FIGURES = ("relative", "orbit", "angles", "ptu")
 _SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")
 _STEPPED = ("angles", "ptu")  # figures that show where the PTU really points
 
@@ -71,9 +71,8 @@ def save_truth(
         world.
     """
     output = check_truth_output(path, figure=figure, overwrite=overwrite)
-    suffix, kind = output.suffix.lower(), figure or _FIGURES[0]
-    frames = np.arange(0, scenario.time.n_frames, _compute_stride(every_s, scenario))
-    frames = np.union1d(frames, scenario.time.n_frames - 1)  # the last frame too, so that a table covers the whole run
+    suffix, kind = output.suffix.lower(), figure or TRUTH_FIGURES[0]
+    frames = choose_rows(scenario, every_s)
     if suffix in FIGURE_SUFFIXES:
         return picture.save_figure(_draw_figure(scenario, kind, body, frames), output, scheme=scheme)
     if suffix == ".csv":
@@ -114,24 +113,10 @@ def check_truth_output(path: str | Path, *, figure: str | None = None, overwrite
         return output
     if output.suffix.lower() not in FIGURE_SUFFIXES:
         raise ScenarioError(f"figure {figure}: is for pictures; end the output with .png, or leave it out")
-    if figure not in _FIGURES:
-        guess = did_you_mean(figure, _FIGURES)
-        raise ScenarioError(f"figure {figure}: no such picture{guess} (known: {', '.join(_FIGURES)})")
+    if figure not in TRUTH_FIGURES:
+        guess = did_you_mean(figure, TRUTH_FIGURES)
+        raise ScenarioError(f"figure {figure}: no such picture{guess} (known: {', '.join(TRUTH_FIGURES)})")
     return output
-
-
-def _compute_stride(every_s: float | None, scenario: Scenario) -> int:
-    """Compute the number of frames between two rows."""
-    if every_s is None:
-        return 1
-    if not 0.0 < every_s < np.inf:
-        raise ScenarioError(f"every {every_s:g}: needs seconds above 0")
-    step_s = 1.0 / scenario.time.frame_rate_hz
-    if every_s < step_s * (1.0 - 1e-9):
-        raise ScenarioError(
-            f"every {every_s:g}: frames are {step_s:g} s apart; give at least that, or --set time.frame_rate_hz"
-        )
-    return round(every_s / step_s)
 
 
 def _check_name(name: str, known: list[str]) -> str:
@@ -143,12 +128,7 @@ def _check_name(name: str, known: list[str]) -> str:
 
 
 def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray) -> Any:
-    """Draw one of the figures.
-
-    Parameters
-    ----------
-    frames : numbers of the frames (time)
-    """
+    """Draw one of the figures."""
     if kind == "ptu" and scenario.ptu is None:
         raise ScenarioError("figure ptu: the scenario has no PTU; add [ptu], or draw another figure")
     if not scenario.target and kind != "orbit":
@@ -176,14 +156,7 @@ def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.nda
 
 
 def _write_ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:
-    """Write the motion of a body as OEM, or its attitude as AEM.
-
-    Parameters
-    ----------
-    suffix : ``.oem`` or ``.aem``
-    body : name of the body or axes (None: the follower)
-    frames : numbers of the frames (time)
-    """
+    """Write the motion of a body (None: the follower) as OEM, or its attitude as AEM."""
     from scipy.spatial.transform import Rotation
 
     wanted = body or "follower"

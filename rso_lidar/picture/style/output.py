@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,23 +71,34 @@ def save_small_figure(
     return path
 
 
-def save_figure_or_table(
-    path: str | Path, draw: Callable[[], Figure], table: Mapping[str, Any], scheme: Scheme = LIGHT
-) -> Path:
-    """Write a result as a figure or as a CSV table, by the suffix.
+class SavedResult(ABC):
+    """A result that writes itself as a figure, or as a table of columns, by the suffix of a path."""
 
-    Parameters
-    ----------
-    path : of the file; an existing one is replaced
-    draw : makes the figure; called only where one is written
-    table : columns by name
-    scheme : of a figure, `LIGHT` or `DARK`
+    @abstractmethod
+    def figure(self) -> Any:
+        """Return the figure of matplotlib."""
 
-    Returns
-    -------
-    The path of the file.
-    """
-    place = check_writable(path, RESULT_SUFFIXES, overwrite=True)
-    if place.suffix.lower() in FIGURE_SUFFIXES:
-        return save_figure(draw(), place, scheme=scheme)
-    return write_columns(place, table)
+    @abstractmethod
+    def _columns(self) -> Mapping[str, Any]: ...
+
+    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
+        """Write the table or the picture; an existing file is replaced.
+
+        Parameters
+        ----------
+        path : of the output, .csv, .png, .pdf or .svg
+        scheme : of a picture, `LIGHT` or `DARK`
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RecordingError
+            For another suffix, or a path that cannot be written.
+        """
+        place = check_writable(path, RESULT_SUFFIXES, overwrite=True)
+        if place.suffix.lower() == ".csv":
+            return write_columns(place, self._columns())
+        return save_figure(self.figure(), place, scheme=scheme)

@@ -12,7 +12,7 @@ from rso_lidar.motion import advise_on_motion, find_plan
 from rso_lidar.optics import sun_photons_per_s_m2
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.scenario.assessment.compliance import list_violations
-from rso_lidar.scenario.assessment.environment import advise_on_environment
+from rso_lidar.scenario.assessment.environment import LOUDER, advise_on_environment
 from rso_lidar.scenario.assessment.interreflection import advise_on_second_bounce
 from rso_lidar.scenario.assessment.multiple_returns import advise_on_separations
 from rso_lidar.scenario.assessment.other_sensors import advise_on_sensors
@@ -26,7 +26,6 @@ from rso_lidar.ties import find_first_least
 _LIGHT_TIME_M = 0.01
 _MOST_LAG = 0.5  # pointing lag over half the field, from which a target begins to leave the field
 _WHOLLY = 0.75  # fraction of the run: an approach may leave the field at its end without a warning
-_LOUDER = 1.05  # noise in sunlight over noise in the dark, from which a warning is given
 _SELDOM = 0.5  # detection probability of the brightest pixel below which a warning is given
 _DIM = 0.01  # light on the boresight, relative to a laser at the lens, below which a warning is given
 
@@ -157,12 +156,7 @@ def _name_window_keys(traits: DetectorTraits) -> str:
 
 
 def _advise_on_gate(geometry: TargetGeometry, opens: np.ndarray, closes: np.ndarray, keys: str) -> list[str]:
-    """Warn of a range gate that misses a target or cuts a part of it off.
-
-    Parameters
-    ----------
-    opens, closes : (time) ranges at which the gate opens and closes [m]
-    """
+    """Warn of a range gate [m] (time) that misses a target or cuts a part of it off."""
     out = (geometry.farthest_m < opens) | (geometry.nearest_m > closes)
     cut = (geometry.nearest_m < opens) | (geometry.farthest_m > closes)
     where = f"target {geometry.name}: the range gate ({opens[0]:.1f} to {closes[0]:.1f} m at first)"
@@ -197,7 +191,7 @@ def _advise_on_sunlight(mission: Mission) -> list[str]:
     per_m2 = sun_photons_per_s_m2(lidar.laser.wavelength_m, receiver.filter_width_nm * units.NM)
     rate = per_m2 * receiver.aperture_area_m2 * receiver.transmission * brdf * receiver.pixel_tangent**2
     louder = detector.noise_growth(lidar.detector, rate)
-    if louder < _LOUDER:
+    if louder < LOUDER:
         return []
     return [
         f"sunlight on the brightest material makes the noise of a pixel that it fills {louder:.2f} times that in the dark "

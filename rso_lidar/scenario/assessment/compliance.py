@@ -61,13 +61,7 @@ def _check_exclusions(constraints: Constraints, mission: Mission, preview: Previ
 
 
 def _locate(poses: PoseTree, apex: str, name: str, n_epochs: int) -> np.ndarray:
-    """Return the position (time, 3) [m] of the origin of some axes.
-
-    Parameters
-    ----------
-    apex : name of the axes in which the position is given
-    name : of the axes whose origin it is
-    """
+    """Return the position (time, 3) [m] of the origin of the axes `name` in the axes `apex`."""
     place: np.ndarray = np.broadcast_to(poses.place(apex, name)[0], (n_epochs, 3))
     return place
 
@@ -82,10 +76,7 @@ def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview
     def poses(time_s: np.ndarray) -> PoseTree:
         epochs = Epochs(mission.time.start_utc, time_s)
         with suppress_warnings():
-            course = motion.truth(
-                mission.bodies, epochs, local=mission.is_local, sun_direction=mission.world.sun_direction
-            )
-        return course.poses
+            return motion.truth(mission.bodies, epochs, **mission.world.keywords).poses
 
     def distance_m(time_s: np.ndarray) -> np.ndarray:
         distance: np.ndarray = np.sqrt(np.sum(_locate(poses(time_s), target, "follower", len(time_s)) ** 2, axis=-1))

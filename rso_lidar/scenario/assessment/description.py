@@ -60,12 +60,7 @@ def _describe_span(mission: Mission) -> str:
 
 
 def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, preview: Preview) -> list[str]:
-    """Describe the surface and the geometry of a target.
-
-    Parameters
-    ----------
-    mission, number : the mission, and the index of the target
-    """
+    """Describe the surface and the geometry of a target."""
     target, surfaces = mission.target[number], mission.surfaces_of(number)
     surface = surfaces[0]
     corners = mission.corners_of(number).reshape(-1, 3)
@@ -88,12 +83,7 @@ def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, pr
 
 
 def _describe_motion(mission: Mission, number: int, preview: Preview) -> str:
-    """Describe the motion of a body, its orbit and its attitude.
-
-    Parameters
-    ----------
-    mission, number, preview : the mission, the index of the body, and the geometry of the mission
-    """
+    """Describe the motion of a body, its orbit and its attitude."""
     body = mission.bodies[number]
     text = summarize_motion(body.motion, mission.time.start_utc)
     attitude = kind_of(body.attitude) if body.attitude else "as its motion"
@@ -121,12 +111,7 @@ def _describe_plans(mission: Mission) -> list[str]:
 
 
 def _format_ends(values: np.ndarray, unit: str, digits: int) -> str:
-    """Format the first and the last value.
-
-    Parameters
-    ----------
-    values, unit : values (time), and their unit
-    """
+    """Format the first and the last value."""
     first, last = (round(float(value), digits) + 0.0 for value in (values[0], values[-1]))  # no minus before a zero
     return f"{first:.{digits}f} -> {last:.{digits}f} {unit}"
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar import units
+from rso_lidar import detector, optics, units
 from rso_lidar.motion import Body, Chief
+from rso_lidar.optics import STRAY_BODIES, veil_on_axis
 from rso_lidar.orbit import Eclipse, Epochs, earth_angular_radius_rad, find_eclipses
-from rso_lidar.scenario.assessment.stray_light import advise_on_glare
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
 from rso_lidar.scenario.preview.geometry import Preview
@@ -19,11 +19,13 @@ from rso_lidar.scenario.preview.sky import (
     tabulate_environment,
 )
 from rso_lidar.scenario.tables.constraints import Constraints
-from rso_lidar.ties import find_first_least
+from rso_lidar.ties import find_first_greatest, find_first_least
 
 _NEAR_DEG = 5.0  # outside of the field: a baffle blocks little of a Sun that is nearer
 _ECLIPSES_S = 30 * units.DAY_S  # span from the start in which eclipses are searched
 _MOST_LISTED = 3
+_EPOCHS = 8  # evenly over the run, beside those at which a body is nearest
+LOUDER = 1.05  # noise in sunlight or stray light over noise in the dark, from which a warning is given
 
 
 def describe_environment(mission: Mission, preview: Preview) -> list[str]:
@@ -70,13 +72,7 @@ def advise_on_environment(mission: Mission, preview: Preview, constraints: Const
 
 
 def _advise_on_sun(preview: Preview, around: SkyGeometry, *, near: bool, simulated: bool) -> list[str]:
-    """Warn of the Sun in the field of view, and near it.
-
-    Parameters
-    ----------
-    near : whether to warn of a Sun outside the field too
-    simulated : whether frames show the Sun and its glare
-    """
+    """Warn of the Sun in the field of view, and near it, by whether frames show the Sun and its glare."""
     if around.sun_m is None:
         return []
     to_sun = around.sun_m - around.position_m
@@ -153,12 +149,7 @@ def _format_ends(angle: np.ndarray) -> str:
 
 
 def _format_course(angle: np.ndarray, time_s: np.ndarray, off: str = "") -> str:
-    """Format the first, last and least value of an angle.
-
-    Parameters
-    ----------
-    angle, time_s : angles (time) [rad] at some times (time) [s]
-    """
+    """Format the first, last and least value of an angle (time) [rad] at times (time) [s]."""
     worst = find_first_least(angle)
     return f"{_format_ends(angle)}{off}, least {angle[worst] / units.DEG:.2f}° at {time_s[worst]:g} s"
 
@@ -189,14 +180,53 @@ def _describe_eclipse(eclipse: Eclipse) -> str:
 
 
 def _describe_passage(what: str, begins_s: float, ends_s: float) -> str:
-    """Describe one passage through a shadow.
-
-    Parameters
-    ----------
-    begins_s, ends_s : its ends [s since start_utc], infinite where they are outside the run
-    """
+    """Describe one passage through a shadow by its ends [s since start_utc], infinite where outside the run."""
     if np.isinf(begins_s) and np.isinf(ends_s):
         return f"{what} all the time"
     begins = f"from {begins_s:.3f} s" if np.isfinite(begins_s) else "from before the first frame"
     ends = f"to {ends_s:.3f} s" if np.isfinite(ends_s) else "to after the last"
     return f"{what} {begins} {ends}"
+
+
+def advise_on_glare(mission: Mission, preview: Preview, around: SkyGeometry) -> list[str]:
+    """Warn of stray light that makes pixels noisier, at the worst of a few epochs; nothing without glare."""
+    if mission.lidar.receiver.glare is None:
+        return []
+    if mission.is_local and mission.world.sun_direction is None:
+        return [
+            "lidar.receiver.glare is of Sun, Earth and Moon, and this local world has none of them; set "
+            "world.sun_direction, or leave the glare out"
+        ]
+    if mission.is_local and "sun" not in mission.lidar.receiver.glare.sources:
+        return [
+            "lidar.receiver.glare.sources has no Sun, and this local world has no Earth and no Moon: frames have no glare; "
+            'add "sun", or leave the glare out'
+        ]
+    nearest = [around.sun_angle_rad, around.earth_limb_angle_rad, around.moon_angle_rad]
+    rows = [find_first_least(angle) for angle in nearest if angle is not None and np.all(np.isfinite(angle))]
+    rows += np.linspace(0, len(preview.time_s) - 1, _EPOCHS).round().astype(int).tolist()
+    light = np.zeros((len(rows), len(STRAY_BODIES)))
+    image = np.zeros(len(rows))
+    for number, row in enumerate(rows):
+        truth = preview.truth.at(int(row))
+        lidar = mission.instrument.at(float(truth.time_s))
+        moon_m = mission.moon_position_m(float(truth.time_s))
+        sky = optics.see_sky(lidar.laser, lidar.receiver, truth, moon_m, has_earth=not mission.is_local)
+        if sky is not None:
+            light[number], image[number] = veil_on_axis(sky, lidar.receiver), sky.image_photons_per_s.max()
+    worst = find_first_greatest(light.sum(axis=1) + image)
+    total = float(light[worst].sum() + image[worst])
+    louder = detector.noise_growth(mission.instrument.detector, total)
+    if louder < LOUDER:
+        return []
+    body = STRAY_BODIES[find_first_greatest(light[worst])]
+    what = (
+        "light of the sky in the field"
+        if image[worst] > light[worst].sum()
+        else f"glare, mostly of the {body.title()},"
+    )
+    return [
+        f"{what} makes the noise of a pixel {louder:.2f} times that in the dark at {preview.time_s[rows[worst]]:g} s "
+        f"({total:.2g} photons/s); turn the boresight away, add lidar.receiver.glare.baffle, or narrow "
+        "lidar.receiver.filter_width_nm"
+    ]

@@ -61,12 +61,7 @@ def advise_on_separations(mission: Mission, preview: Preview) -> list[str]:
 def _describe_affected_parts(
     mission: Mission, preview: Preview, number: int, listed: tuple[float, float]
 ) -> tuple[str, bool]:
-    """Describe the parts of a target whose depth is outside the separations, and return whether any part is too deep.
-
-    Parameters
-    ----------
-    listed : least and greatest separation at which two returns are both listed [m]
-    """
+    """Describe the parts whose depth is outside the separations [m], and return whether any part is too deep."""
     target = mission.target[number]
     if target.terrain is not None:
         return "", False
@@ -111,8 +106,6 @@ def measure_part_depths_m(mission: Mission, preview: Preview, number: int) -> Ma
 def _find_listed_interval_m(mission: Mission, over: float) -> tuple[float, float] | None:
     """Return the separations [m] at which two returns with `over` times the threshold are both listed; None without any."""
     lidar = mission.instrument
-    if lidar.detector.traits.max_returns == 1:
-        return None
     return simulate_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).interval_m(
         _LISTED_PROBABILITY
     )

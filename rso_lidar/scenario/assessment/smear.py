@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from rso_lidar import motion, units
@@ -26,13 +24,12 @@ def measure_smear(mission: Mission, preview: Preview) -> Smear:
     assert mission.exposure is not None
     poses = preview.truth.poses
     if mission.pan_tilt is not None and preview.pointing_lag_rad is None:  # then the preview has no rates of the PTU
-        world: dict[str, Any] = {"local": mission.is_local, "sun_direction": mission.world.sun_direction}
         with suppress_warnings():
             asked = [
                 motion.compute_demand(
                     mission.pan_tilt,
                     mission.bodies,
-                    motion.truth(mission.bodies, preview.epochs.shift(late_s), **world),
+                    motion.truth(mission.bodies, preview.epochs.shift(late_s), **mission.world.keywords),
                 )
                 for late_s in (0.0, _RATE_S)
             ]
@@ -80,12 +77,7 @@ def describe_exposure(mission: Mission, preview: Preview) -> list[str]:
 
 
 def advise_on_exposure(mission: Mission, preview: Preview) -> list[str]:
-    """Warn of pulses that see the scene in different places, or whose light comes when the next one has been sent.
-
-    Parameters
-    ----------
-    mission : as for `measure_smear`
-    """
+    """Warn of pulses that see the scene in different places, or whose light comes when the next one has been sent."""
     rate_hz, traits = mission.lidar.laser.pulse_rate_hz, mission.lidar.detector.traits
     if rate_hz is None:
         return []
@@ -105,7 +97,8 @@ def advise_on_exposure(mission: Mission, preview: Preview) -> list[str]:
         (smear.pixels, 1.0, "pixels across the line of sight"),
         (smear.depth_m / pulse_m, 1.0 / pulse_m, "m along the line of sight"),
     ):
-        if (at := int(np.argmax(moved))) >= 0 and moved[at] > _SMEARED:
+        at = int(np.argmax(moved))
+        if moved[at] > _SMEARED:
             lines.append(
                 f"targets move up to {moved[at] / unit:.3g} {words} between the first and the last pulse of a frame, "
                 f"at {preview.time_s[at]:g} s; raise lidar.laser.pulse_rate_hz, or lower the pulses of the detector"

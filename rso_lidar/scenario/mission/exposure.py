@@ -89,11 +89,6 @@ class Exposure:
 
         From one to the next no point moves by more than an eighth of a pixel or of the pulse's length, and no
         line of sight turns by more than half a degree on its target. There are at most as many as pulses, and at most 64.
-
-        Parameters
-        ----------
-        smear : how far the scene moves during the exposure
-        lidar : with the settings in force
         """
         wanted = self.count_wanted(smear, lidar)
         if wanted <= 1.0:
@@ -102,12 +97,7 @@ class Exposure:
         return math.ceil(self.pulses / together)
 
     def count_wanted(self, smear: Smear, lidar: Lidar) -> float:
-        """Return the number of epochs that the rule asks for, whatever the number of pulses.
-
-        Parameters
-        ----------
-        smear, lidar : as for `count_epochs`
-        """
+        """Return the number of epochs that the rule asks for, whatever the number of pulses."""
         pulse_m = lidar.laser.pulse_fwhm_s * units.RANGE_PER_DELAY_M_S
         steps = (PIXELS, PULSE_LENGTHS * pulse_m, TURN_RAD)
         return max(1.0, *(float(np.max(moved)) / step for moved, step in zip(smear, steps, strict=True)))
@@ -140,14 +130,7 @@ class Exposure:
         return points
 
     def _measure_surface(self, poses: PoseTree, name: str, points: np.ndarray, lidar: Lidar) -> Smear:
-        """Measure how far points of one surface would move, those in front of the lidar and in or about its field.
-
-        Parameters
-        ----------
-        poses, lidar : as for `measure`
-        name : of the surface's axes
-        points : (point, 1, xyz) in them [m]
-        """
+        """Measure how far points (point, 1, xyz) [m] of one surface would move, those in front of the lidar."""
         link = poses.link("lidar", name)
         at_m = link.translation_m + rotate_vectors(link.matrix, points)
         rate_m_s = link.velocity_m_s + rotate_vectors(link.matrix, cross(link.angular_velocity_rad_s, points))

@@ -47,28 +47,23 @@ def list_dynamics(part: Any) -> list[str]:
     list of str
         Such as ``file.py:name`` or ``package.module:name``.
     """
-    dynamics: list[str] = []
-    if not isinstance(part, Part):
-        return dynamics
-    for name in type(part).model_fields:
-        value = getattr(part, name)
-        if name == "dynamics" and isinstance(value, str):
-            dynamics.append(value)
-        for inner in value if isinstance(value, tuple) else (value,):
-            if isinstance(inner, Part):
-                dynamics += list_dynamics(inner)
-    return dynamics
+    named = (getattr(inner, "dynamics", None) for inner in _iterate_parts(part))
+    return [dynamics for dynamics in named if isinstance(dynamics, str)]
 
 
 def list_fmus(part: Any) -> list[str]:
     """List the FMUs that a part and all parts in it name."""
-    fmus: list[str] = [part.file] if isinstance(part, FmuModel) else []
-    for name in type(part).model_fields if isinstance(part, Part) else ():
-        value = getattr(part, name)
-        for inner in value if isinstance(value, tuple) else (value,):
-            if isinstance(inner, Part):
-                fmus += list_fmus(inner)
-    return fmus
+    return [inner.file for inner in _iterate_parts(part) if isinstance(inner, FmuModel)]
+
+
+def _iterate_parts(part: Any) -> Iterator[Part]:
+    """Yield a part and all parts in it, depth first; none of an object of a user."""
+    if isinstance(part, Part):
+        yield part
+        for name in type(part).model_fields:
+            value = getattr(part, name)
+            for inner in value if isinstance(value, tuple) else (value,):
+                yield from _iterate_parts(inner)
 
 
 def list_named_code(scenario: Any) -> list[str]:

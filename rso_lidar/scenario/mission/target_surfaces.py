@@ -36,14 +36,7 @@ from rso_lidar.scene import (
 def build_surfaces(
     target: Target, number: int, file: Callable[[str], Path], wavelength_m: float
 ) -> tuple[Surface, ...]:
-    """Build the surfaces of a target: the parts that are fixed in body axes, and those that each hinge carries.
-
-    Parameters
-    ----------
-    number : its index in the scenario
-    file : finds a file that the scenario names
-    wavelength_m : of the laser [m]
-    """
+    """Build the surfaces of a target: the parts that are fixed in body axes, and those that each hinge carries."""
     whole = build_whole_surface(target, file, wavelength_m, number)
     hinged = [Hinged(target.joint_axes(joint), joint.parts, joint.position_m) for joint in target.joints]
     return split_at_hinges(whole, hinged)
@@ -166,12 +159,7 @@ _build_fragment_once = lru_cache(maxsize=16)(_build)  # apart, so that drawn fra
 
 
 def place_mesh(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[float, tuple[float, float, float]]:
-    """Return the scale of a target's mesh, and its centre of mass [m] in the mesh's axes after scaling.
-
-    Parameters
-    ----------
-    entry : its model in the catalogue, None for a path or terrain
-    """
+    """Return the scale of a target's mesh, and its centre of mass [m] in the mesh's axes after scaling."""
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
     if target.center_of_mass_m is not None:
         return scale, target.center_of_mass_m

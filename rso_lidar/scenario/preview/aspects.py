@@ -16,12 +16,7 @@ _SAME_RANGE = 0.05  # relative difference in range up to which the attitude of a
 
 
 def collect_attitudes(mission: Mission, preview: Preview, number: int, row: int, most: int) -> list[Truth]:
-    """Collect the attitudes that a target has near one epoch, each as a truth with the place of that epoch.
-
-    Parameters
-    ----------
-    most : number of attitudes at most
-    """
+    """Collect the attitudes that a target has near one epoch, each as a truth with the place of that epoch."""
     name = mission.target[number].name
     here = preview.truth.at(row)
     range_m = preview.targets[number].range_m

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -98,9 +97,7 @@ def preview_mission(mission: Mission, most_epochs: int = _MOST_EPOCHS) -> Previe
         # Warnings of their construction belong to the preview, even where a flight has built them before.
         _ = mission.build_surfaces() if "surfaces" in vars(mission) else mission.surfaces
         with mission.locate_errors():
-            course = motion.truth(
-                mission.bodies, epochs, local=mission.is_local, sun_direction=mission.world.sun_direction
-            )
+            course = motion.truth(mission.bodies, epochs, **mission.world.keywords)
             angles, rates, lag_rad = _point_lidar(mission, course)
     poses = motion.add_lidar(course.poses, mission.ptu, angles, rates, mission.lidar.mount)
     receivers = [mission.instrument.at(float(time_s)).receiver for time_s in epochs.time_s]
@@ -124,8 +121,7 @@ def _point_lidar(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarra
     asked = motion.compute_demand(ptu, mission.bodies, course)
     if course.time_s[-1] > ptu.response.preview_limit_s:
         return asked, np.zeros_like(asked), None
-    world: dict[str, Any] = {"local": mission.is_local, "sun_direction": mission.world.sun_direction}
-    angles, rates = simulate_drive(ptu, mission.bodies, course, mission.time.start_utc, **world)
+    angles, rates = simulate_drive(ptu, mission.bodies, course, mission.time.start_utc, **mission.world.keywords)
     missed = np.remainder(angles - asked + np.pi, 2.0 * np.pi) - np.pi
     missed[:, 0] *= np.cos(asked[:, 1])
     return angles, rates, np.hypot(missed[:, 0], missed[:, 1])
@@ -134,13 +130,7 @@ def _point_lidar(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarra
 def _trace_target(
     name: str, surfaces: Sequence[Surface], poses: PoseTree, half_field: np.ndarray, n_epochs: int
 ) -> TargetGeometry:
-    """Compute how the lidar sees one target.
-
-    Parameters
-    ----------
-    surfaces : of the target: its body's, and one for each hinge
-    half_field : (time, 2) tangents of the half field to the right and down
-    """
+    """Compute how the lidar sees one target through half fields (time, 2), tangents to the right and down."""
     seen, _ = poses.place("lidar", name)
     # The range rate from the follower: the PTU's rotation changes no distance.
     link = poses.link("follower", name)

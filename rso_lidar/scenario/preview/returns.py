@@ -120,10 +120,6 @@ def cast_attitudes(
     Attitudes are relative to the line of sight. They come from the epochs around `row` at which the range is the same
     within 5 %. A tumbling target yields many, a target that keeps its attitude yields one. The place is always that of
     the epoch, so that the photons belong to its range.
-
-    Parameters
-    ----------
-    most : number of attitudes at most
     """
     truths = collect_attitudes(mission, preview, number, row, most)
     finest = limit_fineness(mission, truths[0], len(truths))
@@ -133,12 +129,7 @@ def cast_attitudes(
 
 
 def limit_fineness(mission: Mission, truth: Truth, casts: int) -> int:
-    """Return the greatest number of rays along a pixel's side with which some casts take seconds.
-
-    Parameters
-    ----------
-    casts : number of casts
-    """
+    """Return the greatest number of rays along a pixel's side with which some casts take seconds."""
     return math.isqrt(int(_MOST_RAYS / casts / max(_pixels_in_bounds(mission, truth), 1.0)))
 
 

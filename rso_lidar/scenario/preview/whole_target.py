@@ -1,4 +1,4 @@
-"""Whether a target is found: the probability that enough pixels report it, in enough of several flashes.
+"""Whether a target is found: the probability that enough pixels report it, in enough of several flashes; its attitudes.
 
 A flash is a target in one attitude at one place in the pixel grid. Where the detector has a closed form for the light of
 its pixels, they are independent, and at least m of them report by Poisson's binomial law. Otherwise flashes are simulated
@@ -23,7 +23,6 @@ from rso_lidar.records import Truth
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.aspects import build_truth, collect_attitudes, link_surfaces, rotation_between
 from rso_lidar.scenario.preview.geometry import Preview
-from rso_lidar.scenario.preview.orientations import spread_attitudes
 from rso_lidar.scenario.preview.returns import TargetReturns, cast_surfaces, limit_fineness
 from rso_lidar.scenario.tables.finding import Finding
 from rso_lidar.scenario.tables.lidar import Lidar
@@ -33,6 +32,7 @@ _FLASHES = 8  # simulated for each of many attitudes and places, without a close
 _FIRST = 16  # of them after which no more are simulated if the target was found in all or in none
 _ENERGIES = 7  # nodes of the Gauss-Hermite rule over the energy of a pulse
 _SEED = 616  # random seed of the simulated flashes
+_ROOT = 1.134_724_138_401_519_5  # x⁶ = x + 1: the ratio of the additive sequence in five dimensions (Roberts 2018)
 
 
 def find_probability(
@@ -95,13 +95,7 @@ def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: in
 
 
 def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.random.Generator) -> int:
-    """Simulate the detector for one flash, and count the pixels that report the target.
-
-    Parameters
-    ----------
-    lidar : the instrument that is in force
-    mine : (return) whether it comes from the target
-    """
+    """Simulate the detector for one flash, and count the pixels that report the target, by its returns (return)."""
     pulses = lidar.detector.traits.pulses
     fired, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
     light = seen.light
@@ -194,10 +188,6 @@ def find_in_run(mission: Mission, preview: Preview, number: int, row: int, n: in
     """Compute the probabilities (aspect) that a target is found near one epoch of a run.
 
     Attitudes are those that the target has about this epoch. Places in the pixel grid are spread about its own place.
-
-    Parameters
-    ----------
-    n : number of attitudes and places
     """
     attitudes = collect_attitudes(mission, preview, number, row, n)
     time_s = float(preview.time_s[row])
@@ -214,3 +204,32 @@ def find_in_run(mission: Mission, preview: Preview, number: int, row: int, n: in
         truths.append(build_truth(time_s, links))
     finest = limit_fineness(mission, truths[0], n)
     return find_aspects(lidar, mission.surfaces, number, truths, mission.finding, finest)[0]
+
+
+def spread_attitudes(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return attitudes spread evenly over all rotations, each with a place in the pixel.
+
+    The additive recurrence of Roberts (2018, "The unreasonable effectiveness of quasirandom sequences") gives points of low
+    discrepancy in five dimensions. Three of them become a rotation, uniform over SO(3) (Shoemake 1992, Graphics Gems III,
+    p. 124). Two are the place.
+
+    Parameters
+    ----------
+    n : number of attitudes
+
+    Returns
+    -------
+    matrix : (attitude, 3, 3) rotations.
+    phase : (attitude, 2) places right and down of the middle [pixels], from −0.5 to 0.5.
+    """
+    steps = _ROOT ** -np.arange(1.0, 6.0)
+    points = np.modf(0.5 + np.outer(np.arange(1, n + 1), steps))[0]
+    u, v, w = points[:, 0], 2.0 * math.pi * points[:, 1], 2.0 * math.pi * points[:, 2]
+    low, high = np.sqrt(1.0 - u), np.sqrt(u)
+    x, y, z, s = low * np.sin(v), low * np.cos(v), high * np.sin(w), high * np.cos(w)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * s), 2 * (x * z + y * s)],
+        [2 * (x * y + z * s), 1 - 2 * (x * x + z * z), 2 * (y * z - x * s)],
+        [2 * (x * z - y * s), 2 * (y * z + x * s), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0), points[:, 3:] - 0.5

@@ -93,12 +93,7 @@ class StateErrors(Part):
         return self
 
     def _warn_of_units(self, position: str, velocity: str) -> None:
-        """Warn of standard deviations that no mission has, which look like another unit.
-
-        Parameters
-        ----------
-        position, velocity : keys that state them, such as `position_sigma_m`
-        """
+        """Warn of standard deviations that no mission has, which look like another unit."""
         sigma = np.sqrt(np.diag(self.start_covariance))
         place_m, speed_m_s = float(sigma[:3].max()), float(sigma[3:].max())
         if speed_m_s > _MOST_M_S:

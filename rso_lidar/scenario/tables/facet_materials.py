@@ -66,13 +66,7 @@ def apply_color_materials(surface: Surface, color_materials: Mapping[str, Materi
 def apply_facet_materials(
     surface: Surface, facet_materials: FacetMaterials, file: Callable[[str], Path], wavelength_m: float
 ) -> Surface:
-    """Assign materials to single facets.
-
-    Parameters
-    ----------
-    file : finds a file that the scenario names
-    wavelength_m : of the laser [m]
-    """
+    """Assign materials to single facets."""
     with add_place("facet_materials"):
         path = file(facet_materials.file)
         words = _read_facet_words(path, surface.mesh.source_facets)[surface.mesh.source_facet]
@@ -83,14 +77,7 @@ def apply_facet_materials(
 def _assign_materials(
     surface: Surface, words: np.ndarray, meant: Mapping[str, Material], wavelength_m: float
 ) -> Surface:
-    """Assign to each facet the material of its word.
-
-    Parameters
-    ----------
-    words : (facet) word of each facet
-    meant : material by word; facets with another word keep their material
-    wavelength_m : of the laser [m]
-    """
+    """Assign to each facet the material of its word (facet); facets with another word keep theirs."""
     number, materials = surface.finish.astype(np.int64), list(surface.materials)
     for word, material in meant.items():
         materials.append(complete(material).at(wavelength_m))

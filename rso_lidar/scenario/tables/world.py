@@ -154,6 +154,11 @@ class World(Part):
         ),
     )
 
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """Keyword arguments `local` and `sun_direction` by which `motion` knows the world."""
+        return {"local": self.axes == "local", "sun_direction": self.sun_direction}
+
     @model_validator(mode="after")
     def _one_sun(self) -> Self:
         if self.earth_albedo is not None and self.axes == "local":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rso_lidar.orbit import Epochs
 from rso_lidar.rpo import (
     ORBIT_STATES,
     THRUST_STATES,
@@ -11,11 +12,15 @@ from rso_lidar.rpo import (
     FilterBank,
     HeldThrustErrors,
     NavigationErrors,
+    RelativeFilter,
+    ScalarUpdate,
     TwoImpulseGuidance,
     apply_matrix,
+    find_clear_views,
 )
-from rso_lidar.study.dispersions.filter_nodes import FilterNodes
 from rso_lidar.study.dispersions.nominal_flight import NominalFlight
+
+_PER_SENSOR = 3  # standard normal numbers of a measurement
 
 
 class DispersedFlight:
@@ -48,11 +53,11 @@ class DispersedFlight:
         self.burns = [self._sum_burns(node) for node in range(len(self.node_s))]
         self.last = int(self.sample[-1])
         self.updates = {self.find_node(update.time_s): self.find_node(update.aim_s) for update in due}
-        self.root = _find_root(covariance)
+        self.root = find_root(covariance)
         self.target_root: np.ndarray | None = None
         if target_covariance is not None:
             assert flight.chief_m is not None
-            self.target_root = self.to_inertial(0, _find_root(target_covariance))
+            self.target_root = self.to_inertial(0, find_root(target_covariance))
             self.target_flow = DeviationFlow(self.node_s, flight.chief_m, flight.forces, flight.start_utc)
         self.transition = [self.flow.transition(node) for node in range(len(self.node_s) - 1)]
         self.gains = {now: self._find_gain(now, aim) for now, aim in self.updates.items()}
@@ -166,8 +171,56 @@ class DispersedFlight:
         return np.concatenate([position, velocity])
 
 
-def _find_root(covariance: np.ndarray) -> np.ndarray:
-    """Return a matrix (6, 6) whose product with its own transpose is a covariance."""
+def find_root(covariance: np.ndarray) -> np.ndarray:
+    """Return a matrix whose product with its own transpose is a covariance."""
     values, vectors = np.linalg.eigh(covariance)
     root: np.ndarray = vectors * np.sqrt(np.maximum(values, 0.0))
     return root
+
+
+class FilterNodes:
+    """Where the filters of a dispersed flight measure.
+
+    Parameters
+    ----------
+    part : the filter
+    flight : the flight without random errors
+    node_s : (node,) instants of the nodes [s]
+    """
+
+    def __init__(self, part: RelativeFilter, flight: NominalFlight, node_s: np.ndarray) -> None:
+        assert flight.chief_m is not None
+        self.part = part
+        instants = part.list_instants_s(0.0, float(node_s[-1]))
+        nodes = np.minimum(np.searchsorted(node_s, instants - DeviationFlow.TIE_S), len(node_s) - 1)
+        chief, craft = flight.chief_m(node_s[nodes]), flight.craft_m(node_s[nodes])
+        clear = find_clear_views(part.sensors, Epochs(flight.start_utc, node_s[nodes]), chief, craft)
+        self._reference = dict(zip(nodes.tolist(), craft - chief, strict=True))
+        self._clear = dict(zip(nodes.tolist(), clear, strict=True))
+
+    def __contains__(self, node: int) -> bool:
+        return node in self._clear
+
+    @property
+    def per_instant(self) -> int:
+        """How many standard normal numbers the measurements of an instant take."""
+        return _PER_SENSOR * len(self.part.sensors)
+
+    def observe(self, bank: FilterBank, node: int, state: np.ndarray, numbers: np.ndarray) -> list[ScalarUpdate]:
+        """Measure with all sensors that can, and update the filters.
+
+        Parameters
+        ----------
+        bank : the filters
+        node : at which they measure
+        state : (6, run) true deviations, inertial axes
+        numbers : (number, run) standard normal
+        """
+        reference = self._reference[node][:, None]
+        true_m = reference + state[:3]
+        updates: list[ScalarUpdate] = []
+        for k, sensor in enumerate(self.part.sensors):
+            if self._clear[node][k]:
+                own = numbers[_PER_SENSOR * k : _PER_SENSOR * (k + 1)]
+                updates += bank.observe(sensor, reference, true_m, own)
+        return updates

@@ -14,9 +14,10 @@ import numpy as np
 
 from rso_lidar.confidence_intervals import clopper_pearson_bounds
 from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.files import check_writable, write_columns
 from rso_lidar.motion import get_chief_name
-from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
-from rso_lidar.processes import Processes
+from rso_lidar.picture import SavedResult
+from rso_lidar.processes import check_workers, map_unordered
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.study.dispersions.dispersion_figure import dispersion_figure
 from rso_lidar.study.dispersions.kept_runs import identify_runs, read_blocks, write_blocks
@@ -38,7 +39,7 @@ _APART = 1.25  # ratio of standard deviations by linear covariance and by runs a
 
 
 @dataclass(frozen=True, eq=False)
-class DispersedMission:
+class DispersedMission(SavedResult):
     """Runs of a mission with errors.
 
     Parameters
@@ -101,18 +102,12 @@ class DispersedMission:
         origin, whole = (float(np.mean(self.table[column])) for column in ("held_fraction", "whole_held_fraction"))
         lines.append(f"  in the field      origin {origin:.1%}, whole body {whole:.1%} of the samples")
         lines.append(f"  P(detected by the end) {last['detected_probability']:.4g}")
-        nearest = np.percentile(self.table["nearest_m"], PERCENTILES)
-        lines.append(
-            "  nearest approach  "
-            + " / ".join(f"{percentile_m:,.1f}" for percentile_m in nearest)
-            + " m (2.5, 50, 97.5 %)"
-        )
-        spent = np.percentile(self.table["delta_v_m_s"], PERCENTILES)
-        lines.append(
-            "  delta-v of burns  "
-            + " / ".join(f"{percentile_m_s:,.4f}" for percentile_m_s in spent)
-            + " m/s (2.5, 50, 97.5 %)"
-        )
+        for word, column, form, unit in (
+            ("nearest approach", "nearest_m", ",.1f", "m"),
+            ("delta-v of burns", "delta_v_m_s", ",.4f", "m/s"),
+        ):
+            levels = " / ".join(f"{level:{form}}" for level in np.percentile(self.table[column], PERCENTILES))
+            lines.append(f"  {word}  {levels} {unit} (2.5, 50, 97.5 %)")
         lines.append("  at the end            runs    linear  " + "".join(f"{name:>12}" for name in self.sources))
         for axis in _AXES:
             shares = "".join(f"{100.0 * last[f'{axis}_{name}_share']:10.1f} %" for name in self.sources)
@@ -156,20 +151,8 @@ class DispersedMission:
             self.tubes, self.table, self.target, self.title, self.keep_out_m, self.hard_body_radius_m
         )
 
-    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
-        """Write the table of runs, or the picture; an existing file is replaced.
-
-        Parameters
-        ----------
-        path : of the output, .csv, .png, .pdf or .svg
-        scheme : of a picture, `LIGHT` or `DARK`
-
-        Returns
-        -------
-        Path
-            of the file
-        """
-        return save_figure_or_table(path, self.figure, self.table, scheme)
+    def _columns(self) -> dict[str, np.ndarray]:
+        return self.table
 
     def save_tubes(self, path: str | Path) -> Path:
         """Write the table of spreads over time; an existing file is replaced.
@@ -182,18 +165,17 @@ class DispersedMission:
         -------
         Path
             of the file
+
+        Raises
+        ------
+        RecordingError
+            For another suffix, or a path that cannot be written.
         """
-        return save_figure_or_table(path, self.figure, self.tubes, LIGHT)
+        return write_columns(check_writable(path, (".csv",), overwrite=True), self.tubes)
 
 
 def nees_bounds(runs: int, share: float = _CONFIDENCE) -> tuple[float, float]:
-    """Return the two-sided bounds of the mean NEES of runs whose filters are consistent (chi-square distribution).
-
-    Parameters
-    ----------
-    runs : number of runs
-    share : probability that the mean is within the bounds
-    """
+    """Return the two-sided bounds of the mean NEES of runs whose filters are consistent (chi-square distribution)."""
     from scipy.special import chdtri
 
     tail = 0.5 * (1.0 - share)
@@ -244,8 +226,7 @@ def disperse(
     require_scenario(scenario, "disperse")
     if not isinstance(runs, int) or isinstance(runs, bool) or not 2 <= runs <= _MOST_RUNS:
         raise ScenarioError(f"runs: needs a whole number from 2 to {_MOST_RUNS:,}, not {runs!r}")
-    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
-        raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
+    check_workers(workers)
     if executor is not None and (workers is not None or not callable(getattr(executor, "submit", None))):
         raise ScenarioError(
             "executor: needs an Executor of concurrent.futures, or client.get_executor() of dask, and no workers"
@@ -258,7 +239,7 @@ def disperse(
     tell(min(BLOCK * sum(begin in blocks for begin in wanted), runs), runs)
     left = [first_run for first_run in wanted if first_run not in blocks]
     flown = (
-        _fly_blocks(mission_disperser, left, workers)
+        map_unordered(partial(_fly_block, mission_disperser), left, min(workers or 1, len(left)))
         if executor is None
         else _submit_blocks(mission_disperser, left, executor)
     )
@@ -285,26 +266,10 @@ def _find_target(scenario: Scenario, target: str | None) -> str:
     return name
 
 
-def _fly_blocks(
-    mission_disperser: MissionDisperser, begins: list[int], workers: int | None
-) -> Iterator[tuple[int, Block]]:
-    """Fly blocks of runs, and yield each with its first run when it is finished."""
-    if workers is None or workers < 2 or len(begins) < 2:
-        yield from ((begin, mission_disperser.fly(range(begin, begin + BLOCK))) for begin in begins)
-        return
-    with Processes(min(workers, len(begins)), partial(_fly_block, mission_disperser)) as processes:
-        yield from processes.map_unordered(begins)
-
-
 def _submit_blocks(
     mission_disperser: MissionDisperser, begins: list[int], executor: Executor
 ) -> Iterator[tuple[int, Block]]:
-    """Fly blocks of runs by an executor, and yield each with its first run when it is finished.
-
-    Parameters
-    ----------
-    executor : whose workers may be other processes or machines; each block makes its flight anew there
-    """
+    """Fly blocks of runs by an executor; yield each with its first run when finished. A block makes its flight anew."""
     waiting = [executor.submit(_fly_block, copy.copy(mission_disperser), begin) for begin in begins]
     try:
         for future in as_completed(waiting):

@@ -11,7 +11,6 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.rpo import FilterBank, NavigationErrors, apply_matrix
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
-from rso_lidar.study.dispersions.filter_nodes import find_burn_covariance
 from rso_lidar.study.dispersions.linear_dispersion import LinearDispersion, find_linear_dispersion, list_sources
 
 _Push = Callable[[int], np.ndarray]  # acceleration (3, run) [m/s2] at a stage of the integrator
@@ -124,7 +123,8 @@ class Disperser:
                     spent += np.sqrt(np.sum(command**2, axis=0))
                     carried = self._carry_out(command, errors) - planned
                     if bank is not None:
-                        covariance = find_burn_covariance(self.flight.thrusters, apply_matrix(axes, command))
+                        turned = apply_matrix(axes, command)
+                        covariance = self.flight.thrusters.find_covariance(turned[:, None] * turned[None])
                         bank.add_burn(apply_matrix(axes, change), covariance)
                 state[3:] += apply_matrix(axes, carried)
             for k in self._wanted.get(node, ()):
@@ -140,13 +140,7 @@ class Disperser:
     def _find_known(
         self, node: int, state: np.ndarray, bank: FilterBank | None, drawn: Iterator[np.ndarray]
     ) -> np.ndarray:
-        """Return the deviations (6, run) that guidance knows, inertial axes.
-
-        Parameters
-        ----------
-        state : (6, run) true deviations from the body approached, inertial axes
-        bank : the filters; None without
-        """
+        """Return the deviations (6, run) that guidance knows, of the true ones (6, run), inertial axes."""
         errors = self.flight.navigation
         if not isinstance(errors, NavigationErrors):
             return state if bank is None else bank.orbit
@@ -155,28 +149,14 @@ class Disperser:
         return known
 
     def _find_push(self, node: int, held: np.ndarray, *, without_burns: bool) -> _Push | None:
-        """Return the error of held thrust from a node to the next; None without held thrust.
-
-        Parameters
-        ----------
-        node : where the runs are
-        held : (4 x leg, run) standard normal numbers
-        without_burns : whether held thrust is missing
-        """
+        """Return the error of held thrust from a node to the next, from normal numbers (4 x leg, run)."""
         leg, thrust = self.nodes.find_leg(node), self.nodes.thrust
         if leg is None or thrust is None:
             return None
         return thrust.stop() if without_burns else thrust.make_push(held[_PER_LEG * leg : _PER_LEG * (leg + 1)])
 
     def _advance(self, node: int, state: np.ndarray, bank: FilterBank | None, push: _Push | None) -> np.ndarray:
-        """Return true deviations (6, run) at the next node, and propagate the filters with them, in one integration.
-
-        Parameters
-        ----------
-        node : where the runs are
-        state : (6, run) true deviations, inertial axes
-        bank : the filters; None without
-        """
+        """Return true deviations (6, run) at the next node, and propagate the filters with them, in one integration."""
         if bank is None:
             return self.nodes.flow.advance(node, state, push)
         n_runs = state.shape[1]

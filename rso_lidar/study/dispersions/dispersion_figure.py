@@ -73,12 +73,7 @@ def dispersion_figure(
 
 
 def _draw_knowledge(axes: Axes, time: np.ndarray, tubes: Table, axis: str) -> None:
-    """Draw the errors of the navigation filter, by runs and as it states them.
-
-    Parameters
-    ----------
-    time : (time,) in the unit of the plot
-    """
+    """Draw the errors of the navigation filter, by runs and as it states them."""
     if "nees" not in tubes:
         return
     for sign in (-1.0, 1.0):
@@ -90,13 +85,7 @@ def _draw_knowledge(axes: Axes, time: np.ndarray, tubes: Table, axis: str) -> No
 
 
 def _draw_filter(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
-    """Draw the standard deviations of the filter's error in three axes, by runs and as it states them.
-
-    Parameters
-    ----------
-    time : (time,) in the unit of the plot
-    word : unit of time
-    """
+    """Draw the standard deviations of the filter's error in three axes, by runs and as it states them."""
     for (axis, name), colour in zip(_NAMES.items(), (palette.BLUE, palette.ORANGE, palette.GREEN), strict=True):
         axes.plot(time, tubes[f"{axis}_knowledge_sigma_m"], color=colour, lw=figures.LINE_PT, label=name)
         axes.plot(time, tubes[f"{axis}_filter_sigma_m"], color=colour, lw=figures.THIN_PT, ls=(0, (1, 2)))
@@ -106,13 +95,7 @@ def _draw_filter(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
 
 
 def _draw_nees(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
-    """Draw the mean NEES of the runs, 6 for consistent filters.
-
-    Parameters
-    ----------
-    time : (time,) in the unit of the plot
-    word : unit of time
-    """
+    """Draw the mean NEES of the runs, 6 for consistent filters."""
     axes.axhline(_STATES, color=palette.INK, lw=figures.THIN_PT, ls=(0, (4, 3)))
     axes.plot(time, tubes["nees"], color=palette.BLUE, lw=figures.LINE_PT)
     axes.set_ylim(0.0, max(2.0 * _STATES, 1.1 * float(tubes["nees"].max())))
@@ -127,12 +110,7 @@ def _spread_scale(axes: Axes, sigma_m: np.ndarray) -> None:
 
 
 def _draw_nearest(axes: Axes, table: Table, keep_out_m: float, hard_body_radius_m: float) -> None:
-    """Draw the distribution of the nearest approach over runs.
-
-    Parameters
-    ----------
-    keep_out_m, hard_body_radius_m : marked where they are above 0 [m]
-    """
+    """Draw the distribution of the nearest approach over runs, with the two radii [m] that are above 0."""
     nearest = np.sort(table["nearest_m"])
     share = (np.arange(len(nearest)) + 1.0) / len(nearest)
     axes.step(nearest, share, where="post", color=palette.BLUE, lw=figures.THICK_PT)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.rpo import ORBIT_STATES, THRUST_STATES, FilterBank, NavigationErrors
-from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
+from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight, find_root
 
 SOURCES = ("start", "burns", "navigation")
 TARGET = "target"  # a further source, where the body approached has errors of its own
@@ -181,12 +181,7 @@ def _find_known(flight: DispersedFlight, node: int, columns: _SourceColumns) -> 
 
 
 def _carry(flight: DispersedFlight, bank: FilterBank | None, node: int, columns: _SourceColumns) -> None:
-    """Propagate the columns to the next node; those of held legs gain what thrust adds.
-
-    Parameters
-    ----------
-    bank : the filter along the flight without errors; None if there is none
-    """
+    """Propagate the columns to the next node; those of held legs gain what thrust adds."""
     leg, start = flight.find_leg(node), flight.root.shape[1]
     columns.craft[:] = flight.transition[node] @ columns.craft
     if flight.target_root is not None:
@@ -215,6 +210,4 @@ def _find_burn_root(flight: DispersedFlight, node: int, change: np.ndarray) -> n
     planned = flight.burns[node]
     mean = np.zeros(3) if planned is None else planned
     square = np.outer(mean, mean) + change @ change.T  # mean of the square of the command
-    values, vectors = np.linalg.eigh(flight.flight.thrusters.find_covariance(square))
-    root: np.ndarray = vectors * np.sqrt(np.maximum(values, 0.0))
-    return root
+    return find_root(flight.flight.thrusters.find_covariance(square))

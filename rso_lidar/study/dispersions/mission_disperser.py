@@ -113,7 +113,7 @@ class MissionDisperser:
     def pointing(self) -> str:
         """What the lidar is pointed by: "target", "navigation" or "plan"."""
         navigation = self.disperser.flight.navigation
-        exact = navigation is None or (isinstance(navigation, NavigationErrors) and not np.any(navigation.sigma))
+        exact = isinstance(navigation, NavigationErrors) and not np.any(navigation.sigma)
         if self.dispersion.pointing == "navigation" and exact:
             return "target"
         return self.dispersion.pointing or ("target" if exact else "navigation")
@@ -141,25 +141,19 @@ class MissionDisperser:
             known: np.ndarray = position_m + paths.knowledge.error_m
             return known
         assert isinstance(navigation, NavigationErrors)
-        fixes = [
-            np.random.Generator(np.random.Philox(np.random.SeedSequence(self.scenario.seed, spawn_key=(_FIXES, run))))
-            for run in runs
-        ]
-        errors = np.stack([fix.standard_normal(position_m.shape[1:]) for fix in fixes])
+        errors = self._draw_normal(_FIXES, runs, position_m.shape[1:])
         aim_m: np.ndarray = position_m + navigation.position_sigma_m * errors
         return aim_m
 
     def draw(self, runs: range) -> np.ndarray:
         """Return standard normal numbers (run, number): three of the instrument, those of the flight, those of attitude."""
         count = 3 + self.disperser.n_numbers + (0 if self.attitude is None else self.attitude.n_numbers)
-        return np.stack(
-            [
-                np.random.Generator(
-                    np.random.Philox(np.random.SeedSequence(self.scenario.seed, spawn_key=(_DRAWS, run)))
-                ).standard_normal(count)
-                for run in runs
-            ]
-        )
+        return self._draw_normal(_DRAWS, runs, (count,))
+
+    def _draw_normal(self, purpose: int, runs: range, shape: tuple[int, ...]) -> np.ndarray:
+        """Return standard normal numbers (run, …) of a shape for each run."""
+        seeds = [np.random.SeedSequence(self.scenario.seed, spawn_key=(purpose, run)) for run in runs]
+        return np.stack([np.random.Generator(np.random.Philox(seed)).standard_normal(shape) for seed in seeds])
 
     def fly(self, runs: range) -> Block:
         """Fly some runs, and return columns (run, …) by name."""

@@ -40,13 +40,7 @@ def resolve_element_sets(scenario: Scenario, target: str) -> Dispersion:
 
 
 def _resolve(errors: StateErrors, scenario: Scenario, target: str, place: str) -> dict[str, object]:
-    """Return the fields of errors of a state with a covariance in place of element sets.
-
-    Parameters
-    ----------
-    errors : whose `start` names element sets
-    place : of `start` in the scenario
-    """
+    """Return the fields of errors of a state with a covariance in place of element sets."""
     assert errors.start is not None
     with scenario.locate_errors(place):
         covariance = find_set_covariance(errors.start, scenario)

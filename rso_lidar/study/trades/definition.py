@@ -15,7 +15,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.files import expand_user
 from rso_lidar.part import Count, Name, Number, Part, Text, Whole
-from rso_lidar.scenario import FilePart, Scenario
+from rso_lidar.scenario import FilePart, Scenario, find_target
 from rso_lidar.study.trades.merits import MERITS, list_evaluated
 
 MOST_ROWS = 100_000  # of a table; its report holds them all
@@ -320,13 +320,7 @@ class Study(FilePart):
         ----------
         scenario : in which the target is
         """
-        names = [target.name for target in scenario.target]
-        if not names:
-            raise ScenarioError("target: the scenario has no target; add a [[target]]")
-        if self.target is not None and self.target not in names:
-            guess = did_you_mean(self.target, names)
-            raise ScenarioError(f"target: none is named '{self.target}'{guess} (known: {', '.join(names)})")
-        return 0 if self.target is None else names.index(self.target)
+        return find_target(scenario, self.target, "target")
 
     def numbers(self, scenario: Scenario) -> np.ndarray:
         """Return the indices of the frames that are simulated.

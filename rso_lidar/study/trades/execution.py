@@ -18,7 +18,7 @@ import numpy as np
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.files import advise_on_write, hold_lock
 from rso_lidar.picture import LIGHT, Scheme
-from rso_lidar.processes import Processes
+from rso_lidar.processes import check_workers, map_unordered
 from rso_lidar.scenario import Scenario, iterate_texts
 from rso_lidar.scene import own_models
 from rso_lidar.study.trades.definition import Axis, Study, write_toml_value
@@ -116,20 +116,9 @@ def _parse_row(line: bytes, count: int) -> Row | None:
 
 
 def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None) -> Iterator[Row]:
-    """Run the rows that are not known yet, and yield each when it is finished.
-
-    Parameters
-    ----------
-    plan : the plan. A row depends on the plan and on its number only
-    known : finished rows by number
-    workers : number of processes (None: this process alone)
-    """
+    """Return the rows that are not known yet, each when it is finished."""
     left = [number for number in range(plan.study.n_rows) if number not in known]
-    if workers is None or workers < 2 or len(left) < 2:
-        yield from map(plan.row, left)
-        return
-    with Processes(min(workers, len(left)), partial(TradePlan.row, plan)) as processes:
-        yield from processes.map_unordered(left)
+    return map_unordered(partial(TradePlan.row, plan), left, min(workers or 1, len(left)))
 
 
 class Trade(TradeTable):
@@ -188,8 +177,7 @@ class TradeRun:
         ScenarioError
             For a study that is not valid, and where no point is a valid scenario.
         """
-        if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
-            raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
+        check_workers(workers)
         study = study if isinstance(study, Study) else Study.load(study)
         threads = 1 if workers is not None and workers > 1 else None
         self._plan, self._base = make_trade_plan(study, threads, trust_code=trust_code, trust_fmu=trust_fmu)
@@ -314,13 +302,7 @@ def _tabulate_rows(plan: TradePlan, base: Scenario, known: dict[int, Row]) -> Tr
 
 
 def _tabulate_field(axis: Axis, values: list[Any], column: int) -> np.ndarray:
-    """Return the values of one field: as numbers where all of them are, else as TOML.
-
-    Parameters
-    ----------
-    values : (row) values of the axis
-    column : index of the field in the axis
-    """
+    """Return the values of one field: as numbers where all of them are, else as TOML."""
     linked = len(axis.field) > 1
     own = [value[column] if linked and isinstance(value, list) else value for value in values]
     if all(type(value) in (int, float) for value in own):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.evaluation import tracking
+from rso_lidar.evaluation import Tracking, tracking
 from rso_lidar.mission_analysis import fly_open_loop, in_field_fraction
 from rso_lidar.records import Frame, compute_viewing_geometry
 from rso_lidar.scenario import Scenario, cast_surfaces, find_probability
@@ -29,14 +29,7 @@ class CountedFrames(Sequence[Frame]):
     def __init__(
         self, scenario: Scenario, numbers: np.ndarray, threads: int | None, add: Callable[[Frame], None]
     ) -> None:
-        """Start a run.
-
-        Parameters
-        ----------
-        scenario, numbers : the scenario, and the indices of its frames
-        threads : of the simulation
-        add : called with each frame, such as `RunSums.add`
-        """
+        """Start a run."""
         self._fly = partial(simulate, scenario, threads=threads)
         self._numbers, self._add = numbers.tolist(), add
         self._made = self._fly(frames=self._numbers)
@@ -259,12 +252,18 @@ def evaluate(
         passing = CountedFrames(scenario, frames, threads, sums.add)
         if "tracker" in needs:
             table = tracking(passing, scenario.target[number].name, folder=folder, poses=False).table
-            error_m = np.linalg.norm([table[f"cv_error_{axis}_m"] for axis in ("right", "down", "ahead")], axis=0)
+            error_m = measure_tracker_error_m(table)
         else:
             for _ in passing:
                 pass
     run = Run(scenario, number, sums, error_m, frames)
     return {name: MERITS[name].of(run) for name in names}
+
+
+def measure_tracker_error_m(table: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the length (frame) [m] of the position error of the constant-velocity filter in a table of `tracking`."""
+    error_m: np.ndarray = np.linalg.norm([table[f"cv_error_{axis}_m"] for axis in Tracking.AXES], axis=0)
+    return error_m
 
 
 def bounding_diagonal_m(scenario: Scenario, number: int) -> float:

@@ -1,7 +1,8 @@
-"""The plan of a trade study: settings and evaluation of each row, checked before the first run."""
+"""The plan of a trade study: its points, and settings and evaluation of each row, checked before the first run."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,8 @@ import numpy as np
 
 from rso_lidar.errors import FieldError, RsoLidarError, RunError, ScenarioError, SettingError, suppress_warnings
 from rso_lidar.scenario import Scenario, read_toml
-from rso_lidar.study.trades.definition import Study
+from rso_lidar.study.trades.definition import Grid, Random, Study
 from rso_lidar.study.trades.merits import evaluate
-from rso_lidar.study.trades.sampling import list_points, list_settings
 
 _TRIED = 300  # greatest number of points that are checked before the first run
 _OF_AN_AXIS = 50  # greatest number of values of one axis that are checked alone
@@ -70,13 +70,7 @@ class TradePlan:
 def make_trade_plan(
     study: Study, threads: int | None = None, *, trust_code: bool = False, trust_fmu: bool = False
 ) -> tuple[TradePlan, Scenario]:
-    """Make the plan of a study and load its scenario, after a check of every field that changes.
-
-    Parameters
-    ----------
-    threads : of a single computation (None: one per core)
-    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names
-    """
+    """Make the plan of a study and load its scenario, after a check of every field that changes."""
     base, path = study.base(trust_code=trust_code, trust_fmu=trust_fmu), study.scenario_file()
     text, points = read_toml(path), tuple(list_points(study))
     plan = TradePlan(study, points, text, path.parent, path.name, base.seed, threads, trust_code, trust_fmu)
@@ -134,3 +128,33 @@ def _check_points(plan: TradePlan) -> None:
         else:
             return
     raise ScenarioError(f"{plan.study.where}: no point can be flown; the first: {first}")
+
+
+def list_points(study: Study) -> list[tuple[Any, ...]]:
+    """List the points of a study, each with one value per axis; random points depend on the study's seed alone."""
+    if isinstance(study.sampling, Grid):
+        return list(itertools.product(*(axis.grid() for axis in study.axis)))
+    share = draw_shares(study)
+    return list(zip(*(axis.at(column) for axis, column in zip(study.axis, share.T, strict=True)), strict=True))
+
+
+def draw_shares(study: Study) -> np.ndarray:
+    """Draw the relative positions (point, axis) of random points along each axis, from 0 to below 1."""
+    assert not isinstance(study.sampling, Grid)
+    rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(study.seed)))
+    n, dimensions = study.sampling.points, len(study.axis)
+    if isinstance(study.sampling, Random):
+        return rng.random((n, dimensions))
+    from scipy.stats import qmc
+
+    drawn: np.ndarray = qmc.LatinHypercube(dimensions, rng=rng).random(n)
+    return drawn
+
+
+def list_settings(study: Study, point: tuple[Any, ...]) -> dict[str, str]:
+    """List the TOML text of each field at a point."""
+    return {
+        field: text
+        for axis, value in zip(study.axis, point, strict=True)
+        for field, text in axis.settings(value).items()
+    }

@@ -13,7 +13,7 @@ import numpy as np
 
 from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.export import write_parquet
-from rso_lidar.files import write_atomically, write_columns
+from rso_lidar.files import write_columns, write_text
 from rso_lidar.picture import LIGHT, Scheme, frame_figure, html_page, rank_parts
 from rso_lidar.records import Frame
 from rso_lidar.simulation import simulate
@@ -27,9 +27,7 @@ from rso_lidar.study.trades.ranking import (
     is_number,
     name_merit,
     rank_points,
-)
-from rso_lidar.study.trades.ranking import (
-    shorten_places as column_heads,
+    shorten_places,
 )
 from rso_lidar.study.trades.results import TradeTable
 from rso_lidar.study.trades.trade_figures import Quantity, against_figure, effects_figure, format_value, maps_figure
@@ -41,13 +39,7 @@ _DECADES = 30.0  # greatest over least value from which the scale of a figure of
 
 
 def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
-    """Write a trade's table or report, by the suffix, and return the path.
-
-    Parameters
-    ----------
-    trade : what is written
-    scheme : colours of the report, `LIGHT` or `DARK`
-    """
+    """Write a trade's table or report, by the suffix, and return the path."""
     suffix = place.suffix.lower()
     if suffix == ".csv":
         return write_columns(place, trade.table)
@@ -56,10 +48,7 @@ def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
             place, trade.table, {"study": trade.study.model_dump_json(), "scenario": trade.base.dumps()}
         )
     if suffix == ".html":
-        text = write_report(trade, scheme)
-        with write_atomically(place) as draft:
-            draft.write_text(text, encoding="utf-8")
-        return place
+        return write_text(place, write_report(trade, scheme), overwrite=True)
     guess = did_you_mean(suffix, TRADE_SUFFIXES)
     raise ScenarioError(
         f"{place}: a trade is not written as '{place.suffix}'{guess} (known: {', '.join(TRADE_SUFFIXES)})"
@@ -198,7 +187,7 @@ def _describe_lead(trade: TradeTable, name: str, points: np.ndarray) -> str:
 
 def _tabulate_points(trade: TradeTable, points: Sequence[tuple[str, int]]) -> str:
     """Tabulate points: a word, their settings, and their figures of merit averaged over seeds."""
-    columns = column_heads(trade.study.places)
+    columns = shorten_places(trade.study.places)
     heads = [("best in", False)] if any(word for word, _ in points) else []
     heads += [("row", True)]
     heads += [(f"<code>{escape(head)}</code>", is_number(trade, place)) for place, head in columns.items()]
@@ -212,7 +201,7 @@ def _format_cells(trade: TradeTable, point: int) -> Iterable[str]:
     seeds = trade.study.seeds
     yield f"{point * seeds}" + (f"–{point * seeds + seeds - 1}" if seeds > 1 else "")
     for place in trade.study.places:
-        value = trade.table[place if place != "seed" else "seed"][point * seeds]
+        value = trade.table[place][point * seeds]
         yield format_value(float(value)) if is_number(trade, place) else f"<code>{escape(str(value))}</code>"
     for name in trade.study.judged_by:
         mean, spread = (float(values[point]) for values in trade.of_points(name))
@@ -261,7 +250,7 @@ def _find_common_value(values: np.ndarray) -> float | None:
 
 
 def _build_quantity(trade: TradeTable, axis: Axis) -> Quantity:
-    values = trade.table[axis.name] if axis.name != "seed" else trade.table["seed"]
+    values = trade.table[axis.name]
     more = f" (and {len(axis.field) - 1} more)" if len(axis.field) > 1 else ""
     log = axis.numeric and (axis.scale == "log" or _is_geometric(values))
     drawn = 0 if isinstance(trade.study.sampling, Grid) else trade.study.sampling.points
@@ -298,22 +287,18 @@ def _tabulate_failures(trade: TradeTable, failed: np.ndarray) -> list[str]:
 
 
 def _write_origin(trade: TradeTable) -> list[str]:
+    import tomli_w
+
     source = trade.base.source
     versions = ", ".join(f"{name} {version}" for name, version in source.versions.items())
     seeds = f"sampling {trade.study.seed}; scenario {trade.plan.seed}"
     seeds += f" to {trade.plan.seed + trade.study.seeds - 1}, the same at each point" if trade.study.seeds > 1 else ""
-    asked = _write_study(trade)
+    asked = tomli_w.dumps(trade.study.model_dump(exclude_none=True))
     return [
         f"<p>Seeds: {seeds}. Versions: {escape(versions)}.</p>",
         f"<details><summary>The study</summary><pre>{escape(asked)}</pre></details>",
         f"<details><summary>The scenario before any axis</summary><pre>{escape(source.scenario)}</pre></details>",
     ]
-
-
-def _write_study(trade: TradeTable) -> str:
-    import tomli_w
-
-    return tomli_w.dumps(trade.study.model_dump(exclude_none=True))
 
 
 # ------------------------------------------------------------------------------------------------------- the pictures
@@ -343,12 +328,7 @@ def _draw_frames(trade: TradeTable, scheme: Scheme) -> list[str]:
 
 
 def _write_command(trade: TradeTable, row: int, frame: int) -> str:
-    """Return the command that reproduces a frame of a row.
-
-    Parameters
-    ----------
-    frame : index of the frame
-    """
+    """Return the command that reproduces a frame of a row."""
     changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
     settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)
     file = shlex.quote(_relative_path(trade.plan.folder / trade.plan.where))

@@ -71,12 +71,7 @@ class RunSums:
     """Sums and counts over the frames of a run, in constant memory."""
 
     def __init__(self, number: int, size_m: float, least_pixels: int = 1) -> None:
-        """Start the sums of a run at 0.
-
-        Parameters
-        ----------
-        number, size_m, least_pixels : as for `sum_frame`
-        """
+        """Start the sums of a run at 0."""
         self._of = (number, size_m, least_pixels)
         self.frames = self.pixels = self.found = self.false = self.hits = 0.0
         self.squared_m2 = self.photons = 0.0

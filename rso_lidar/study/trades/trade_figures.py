@@ -91,12 +91,7 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
 
 
 def _draw_effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray) -> None:
-    """Draw a merit over one axis of a trade.
-
-    Parameters
-    ----------
-    points : (point, 2) medians at the levels of the axis; empty for none
-    """
+    """Draw a merit over one axis of a trade, with medians (point, 2) at its levels."""
     known, held = merit.ranked, np.isfinite(merit.values) & ~merit.ranked
     levels, which = axis.levels()
     place = axis.values if axis.numeric else which.astype(float)
@@ -227,12 +222,7 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
 
 
 def _mean_over(merit: Quantity, first: Quantity, other: Quantity) -> np.ndarray:
-    """Return the mean (first, other) of known values, NaN where there are none.
-
-    Parameters
-    ----------
-    first, other : two axes
-    """
+    """Return the mean (first, other) of known values, NaN where there are none."""
     (rows, row), (cols, col) = first.levels(), other.levels()
     known = merit.ranked
     cell = (row * len(cols) + col)[known]
@@ -243,12 +233,7 @@ def _mean_over(merit: Quantity, first: Quantity, other: Quantity) -> np.ndarray:
 
 
 def _mark_cells(axes: Axes, table: np.ndarray, norm: Any, colours: Any) -> None:
-    """Write each cell's value into it, dark on light or light on dark.
-
-    Parameters
-    ----------
-    table : (row, col) values
-    """
+    """Write each value (row, col) into its cell, dark on light or light on dark."""
     for (row, col), value in np.ndenumerate(table):
         if np.isfinite(value):
             ink = palette.choose_ink(colours(norm(value))[:3])

@@ -45,12 +45,7 @@ class Evidence:
 
 
 def bound_merit(merit: Merit, run: Run, frames: Sequence[FrameSums], confidence: float) -> Evidence:
-    """Return a figure of merit of frames with its confidence bounds.
-
-    Parameters
-    ----------
-    merit : a figure of merit that depends on the noise of frames, and on no tracker
-    """
+    """Return a figure of merit of frames with its confidence bounds."""
     total = RunSums(0, 0.0)
     for frame_sums in frames:
         total.include(frame_sums)

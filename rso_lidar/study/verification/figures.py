@@ -25,13 +25,7 @@ class ComputedFigures:
     """
 
     def __init__(self, scenario: Scenario, number: int, threads: int | None = None) -> None:
-        """Start without figures.
-
-        Parameters
-        ----------
-        scenario, number : the scenario, and the index of its target
-        threads : of a simulation
-        """
+        """Start without figures."""
         self.scenario, self.number, self._threads = scenario, number, threads
         self._budgets: dict[Any, Budget] = {}
         self._found: dict[float, Any] = {}
@@ -47,11 +41,6 @@ class ComputedFigures:
 
     def compute(self, requirement: Requirement, numbers: np.ndarray | None = None) -> float:
         """Return the value that counts for a requirement, NaN without one; of several curves, that of the worst.
-
-        Parameters
-        ----------
-        requirement : on a quantity without noise that needs no frames
-        numbers : indices of the frames of a figure of merit (None: all)
 
         Raises
         ------

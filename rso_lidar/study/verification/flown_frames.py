@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean
+from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.evaluation import load_scenario, tracking
 from rso_lidar.mission_analysis import fly_open_loop
 from rso_lidar.records import Frame, compute_viewing_geometry
-from rso_lidar.scenario import Scenario
+from rso_lidar.scenario import Scenario, find_target
 from rso_lidar.simulation import simulate
 from rso_lidar.study.trades.merits import CountedFrames, bounding_diagonal_m
 from rso_lidar.study.trades.run_sums import FrameSums, sum_frame
@@ -28,15 +28,10 @@ class FlownFrames(ABC):
     `ready` is called after each frame that was simulated or read.
     """
 
-    def __init__(self, scenario: Scenario, target: str | None, ready: Callable[[], None]) -> None:
-        """Start without frames.
-
-        Parameters
-        ----------
-        scenario, target : the scenario, and the name of its target (None: the first)
-        ready : called after each frame
-        """
-        self.scenario, self.number = scenario, find_target(scenario, target)
+    def __init__(self, scenario: Scenario, target: str | None, ready: Callable[[], None], n_runs: int = 1) -> None:
+        """Start without frames."""
+        self.n_runs = n_runs
+        self.scenario, self.number = scenario, find_target(scenario, target, "requirements")
         self._ready = ready
         self._size_m = bounding_diagonal_m(scenario, self.number)
         self._sums: dict[tuple[int, int], FrameSums] = {}
@@ -48,27 +43,11 @@ class FlownFrames(ABC):
 
     @abstractmethod
     def _fly(self, run: int, numbers: np.ndarray) -> Iterable[Frame]:
-        """Yield the frames of a run.
-
-        Parameters
-        ----------
-        run, numbers : number of the run, and indices of the frames
-        """
+        """Yield the frames of a run."""
 
     @abstractmethod
     def _track(self, run: int, numbers: np.ndarray, *, poses: bool) -> dict[str, np.ndarray]:
-        """Return the table of the tracker over the frames of a run, whose sums are kept in passing.
-
-        Parameters
-        ----------
-        run, numbers : number of the run, and indices of the frames
-        poses : whether ICP runs
-        """
-
-    @property
-    @abstractmethod
-    def n_runs(self) -> int:
-        """Number of runs."""
+        """Return the table of the tracker over the frames of a run, whose sums are kept in passing."""
 
     def count(self, requirements: Sequence[Requirement]) -> int:
         """Return the number of frames to simulate or read for some requirements, an estimate for a progress bar."""
@@ -76,12 +55,7 @@ class FlownFrames(ABC):
         return self.n_runs * len(np.unique(np.concatenate(chosen))) if chosen else 0
 
     def prepare(self, requirements: Sequence[Requirement]) -> None:
-        """Simulate or read all frames that some requirements need, trackers first, each frame once where possible.
-
-        Parameters
-        ----------
-        requirements : those that need frames
-        """
+        """Simulate or read all frames that some requirements need, trackers first, each frame once where possible."""
         for requirement in requirements:
             if follows_frames(requirement):
                 self.tables(self.select(requirement), poses=needs_poses(requirement))
@@ -90,12 +64,7 @@ class FlownFrames(ABC):
             self.sums(np.unique(np.concatenate(chosen)))
 
     def sums(self, numbers: np.ndarray) -> list[FrameSums]:
-        """Return the sums of frames of all runs.
-
-        Parameters
-        ----------
-        numbers : indices of the frames
-        """
+        """Return the sums of frames of all runs."""
         for run in range(self.n_runs):
             missing = np.array([k for k in numbers.tolist() if (run, k) not in self._sums], dtype=int)
             if missing.size:
@@ -104,13 +73,7 @@ class FlownFrames(ABC):
         return [self._sums[run, k] for run in range(self.n_runs) for k in numbers.tolist()]
 
     def tables(self, numbers: np.ndarray, *, poses: bool) -> Tables:
-        """Return the tables of the tracker, one for each run.
-
-        Parameters
-        ----------
-        numbers : indices of the frames that the tracker sees
-        poses : whether ICP runs
-        """
+        """Return the tables of the tracker, one for each run."""
         key = numbers.tobytes(), poses
         if key not in self._tracks:
             self._tracks[key] = [self._track(run, numbers, poses=poses) for run in range(self.n_runs)]
@@ -128,22 +91,10 @@ class SimulatedFrames(FlownFrames):
     def __init__(
         self, scenario: Scenario, target: str | None, ready: Callable[[], None], seeds: int, threads: int | None
     ) -> None:
-        """Start without frames.
-
-        Parameters
-        ----------
-        scenario, target, ready : as for `FlownFrames`
-        seeds : number of runs
-        threads : of the simulation
-        """
-        super().__init__(scenario, target, ready)
-        self._seeds, self._threads = seeds, threads
+        """Start without frames."""
+        super().__init__(scenario, target, ready, seeds)
+        self._threads = threads
         self._range_m: np.ndarray | None = None
-
-    @property
-    def n_runs(self) -> int:
-        """Number of runs."""
-        return self._seeds
 
     def select(self, requirement: Requirement) -> np.ndarray:
         """Return the indices of the frames that count for a requirement, or raise `ScenarioError` where there are none."""
@@ -174,14 +125,7 @@ class RecordedFrames(FlownFrames):
     def __init__(
         self, frames: Sequence[Frame], target: str | None, ready: Callable[[], None], folder: Path | None
     ) -> None:
-        """Start with the numbers of the frames.
-
-        Parameters
-        ----------
-        frames : a recording, or frames of one scenario in the order of time
-        target, ready : as for `FlownFrames`
-        folder : folder of the mesh files that the scenario names
-        """
+        """Start with the numbers of the frames."""
         if not len(frames):
             raise RecordingError("requirements: the recording has no frames; record some")
         super().__init__(load_scenario(frames[0].source, folder), target, ready)
@@ -189,11 +133,6 @@ class RecordedFrames(FlownFrames):
         stored = getattr(frames, "frame_index", None)
         self._index = np.array([frame.index for frame in frames]) if stored is None else np.asarray(stored[:])
         self._range_m: np.ndarray | None = None
-
-    @property
-    def n_runs(self) -> int:
-        """Number of runs."""
-        return 1
 
     def select(self, requirement: Requirement) -> np.ndarray:
         """Return the indices of the frames that count for a requirement, or raise `RecordingError` where there are none."""
@@ -254,39 +193,10 @@ def needs_poses(requirement: Requirement) -> bool:
     return requirement.what.column.startswith("icp_")
 
 
-def find_target(scenario: Scenario, target: str | None) -> int:
-    """Return the index of the target that requirements are about.
-
-    Parameters
-    ----------
-    scenario, target : the scenario, and the name of a target (None: the first)
-
-    Raises
-    ------
-    ScenarioError
-        For a scenario without it.
-    """
-    names = [candidate.name for candidate in scenario.target]
-    if not names:
-        raise ScenarioError("requirements: the scenario has no target; add a [[target]]")
-    if target is not None and target not in names:
-        raise ScenarioError(
-            f"requirements: target: none is named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
-        )
-    return 0 if target is None else names.index(target)
-
-
 def _choose_between(
     requirement: Requirement, numbers: np.ndarray, range_m: np.ndarray, error: type[ScenarioError | RecordingError]
 ) -> np.ndarray:
-    """Return the frames whose true range is within the limits of a requirement.
-
-    Parameters
-    ----------
-    requirement : with `between_m`
-    numbers, range_m : (frame) indices and true ranges [m]
-    error : raised where no frame is
-    """
+    """Return the frames whose true range [m] is within the limits of a requirement; raise `error` without any."""
     assert requirement.between_m is not None
     low, high = requirement.between_m
     chosen: np.ndarray = numbers[(range_m >= low) & (range_m <= high)]

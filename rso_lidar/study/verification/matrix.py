@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 from collections.abc import Mapping
@@ -11,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from rso_lidar.files import check_writable, write_text
+from rso_lidar.files import check_writable, format_csv, write_text
 from rso_lidar.study.verification.requirements_file import Requirement
+from rso_lidar.units import align_columns
 
 Verdict = Literal["met", "not met", "not shown"]
 _COLUMNS = (
@@ -96,26 +95,14 @@ class VerificationMatrix:
         )
         heads = ("id", "quantity", "bound", "value", "confidence bound", "margin", "verdict")
         rows = [heads, *(_format_row(result) for result in self.results)]
-        widths = [max(len(row[k]) for row in rows) for k in range(len(heads))]
         lines = [f"{self.name}: {self.subject}", f"{len(self.results)} requirements: {counts}", ""]
-        for row in rows:
-            cells = [
-                text.rjust(w) if k in (3, 5) else text.ljust(w)
-                for k, (text, w) in enumerate(zip(row, widths, strict=True))
-            ]
-            lines.append("  ".join(cells).rstrip())
+        lines += align_columns(rows, left=(0, 1, 2, 4, 6))
         notes = [f"{result.requirement.id}: {result.note}" for result in self.results if result.note]
         return "\n".join([*lines, *([""] if notes else []), *notes])
 
     def csv_text(self) -> str:
         """Return all results as CSV, one row for each requirement; a number that does not exist is empty."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(_COLUMNS)
-        for result in self.results:
-            row = _tabulate(result)
-            writer.writerow(["" if row[name] is None else row[name] for name in _COLUMNS])
-        return text.getvalue()
+        return format_csv([_COLUMNS, *(_tabulate(result).values() for result in self.results)])
 
     def json_text(self) -> str:
         """Return all results as JSON, with the counts of verdicts and the versions; a number that does not exist is null."""
@@ -187,12 +174,7 @@ def _format_row(result: RequirementResult) -> tuple[str, ...]:
 
 
 def _describe_bounds(result: RequirementResult, unit: str) -> str:
-    """Describe the confidence bounds that decide; empty for a quantity without noise.
-
-    Parameters
-    ----------
-    unit : with a space before it
-    """
+    """Describe the confidence bounds that decide; empty for a quantity without noise."""
     asked = result.requirement
     if asked.confidence is None:
         return ""

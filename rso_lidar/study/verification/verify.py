@@ -16,7 +16,7 @@ from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.execution import Trade, trade
-from rso_lidar.study.trades.merits import MERITS, Run, list_evaluated
+from rso_lidar.study.trades.merits import MERITS, Run, list_evaluated, measure_tracker_error_m
 from rso_lidar.study.trades.run_sums import RunSums
 from rso_lidar.study.verification.evidence import Evidence, bound_merit, bound_series
 from rso_lidar.study.verification.figures import ComputedFigures
@@ -32,7 +32,6 @@ from rso_lidar.study.verification.quantities import STATISTICS
 from rso_lidar.study.verification.requirements_file import Requirement, Requirements
 
 Progress = Callable[[int, int], None]
-_AXES = ("right", "down", "ahead")
 
 
 def verify(
@@ -96,12 +95,7 @@ def verify(
 def _verify_frames(
     asked: Requirements, make: Callable[[Callable[[], None]], FlownFrames], tell: Progress
 ) -> VerificationMatrix:
-    """Verify requirements on frames of one scenario, simulated or recorded.
-
-    Parameters
-    ----------
-    make : makes the frames from a function that they call after each frame
-    """
+    """Verify requirements on frames of one scenario, simulated or recorded."""
     done = [0, 0]
 
     def ready() -> None:
@@ -134,12 +128,7 @@ def _check(asked: Requirements, figures: ComputedFigures) -> None:
 
 
 def _name_place(asked: Requirements, number: int) -> str:
-    """Return the place of a requirement in its file.
-
-    Parameters
-    ----------
-    asked, number : the requirements, and the index of one
-    """
+    """Return the place of a requirement in its file."""
     return f"{asked.where}: requirement[{number}] ({asked.requirement[number].id})"
 
 
@@ -180,7 +169,7 @@ def _find_evidence(requirement: Requirement, flown: FlownFrames, figures: Comput
                 requirement.confidence,
                 9,
             )
-        errors = [np.linalg.norm([table[f"cv_error_{axis}_m"] for axis in _AXES], axis=0) for table in tables]
+        errors = [measure_tracker_error_m(table) for table in tables]
         merit = MERITS[requirement.quantity]
         return bound_series(errors, STATISTICS["rms"], requirement.confidence, merit.decimals)
     run = Run(flown.scenario, flown.number, RunSums(0, 0.0), np.empty(0), numbers)
@@ -229,12 +218,7 @@ def _verify_study(
     trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> VerificationMatrix:
-    """Verify requirements at each point of a study.
-
-    Parameters
-    ----------
-    trust_code, trust_fmu : as in `verify`
-    """
+    """Verify requirements at each point of a study."""
     definition = study.study if isinstance(study, Trade) else study
     needed = tuple(
         dict.fromkeys(requirement.quantity for requirement in asked.requirement if requirement.what.kind == "merit")
@@ -326,10 +310,6 @@ def _bound_point(requirement: Requirement, values: np.ndarray, n_points: int) ->
     """Return the mean of a figure of merit over the seeds of a point, with bounds by Student's t.
 
     A verdict ``not met`` needs one point only, so its bounds have the confidence 1 − (1 − c) / points (Bonferroni).
-
-    Parameters
-    ----------
-    values : of its quantity, one for each seed
     """
     mean = float(np.mean(values)) if np.isfinite(values).all() else math.nan
     sample = f"{len(values)} run{'s' * (len(values) != 1)}"

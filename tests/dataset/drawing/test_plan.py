@@ -8,7 +8,7 @@ from scipy.stats import chi2_contingency
 
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
-from rso_lidar.dataset.making.shard_making import make_shard
+from rso_lidar.dataset.making.make import make_shard
 from rso_lidar.dataset.specification.tables import SPLITS
 from tests.dataset.bench_for_tests import SCENARIO, SPEC, make_spec
 

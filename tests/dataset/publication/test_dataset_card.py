@@ -4,10 +4,9 @@ import pytest
 
 from rso_lidar.dataset import open as open_dataset
 from rso_lidar.dataset.publication.attribution import Attribution
-from rso_lidar.dataset.publication.card_tables import format_table
+from rso_lidar.dataset.publication.card_tables import count_frames, format_table
 from rso_lidar.dataset.publication.card_text import LIMITS
 from rso_lidar.dataset.publication.dataset_card import choose_size, write_card
-from rso_lidar.dataset.publication.frame_counts import count_frames
 
 
 @pytest.fixture

@@ -46,14 +46,14 @@ def test_the_antenna_is_taken_to_the_origin(flown):
 
 def test_sensors_are_found_by_kind_and_name(flown):
     scenario = load_small()
-    assert find_sensor(scenario, Gnss, None, "fit").name == "gnss"
-    assert find_sensor(scenario.replace(sensor=()), Gnss, None, "fit") is None
+    assert find_sensor(scenario, Gnss, None).name == "gnss"
+    assert find_sensor(scenario.replace(sensor=()), Gnss, None) is None
     observations = [frame.observation for frame in flown]
-    assert len(join_observed(observations, "gnss", "fit").time_s) == sum(
+    assert len(join_observed(observations, "gnss").time_s) == sum(
         len(one.sensors["gnss"].time_s) for one in observations
     )
     with pytest.raises(RecordingError, match="frames without samples of sensor 'horizon'"):
-        join_observed(observations, "horizon", "fit")
+        join_observed(observations, "horizon")
 
 
 def test_fixes_are_of_the_target_in_inertial_axes(flown):

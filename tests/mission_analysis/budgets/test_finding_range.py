@@ -8,9 +8,8 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.mission_analysis import find_range
-from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch, follow_gate
-from rso_lidar.mission_analysis.budgets.body import choose_body
-from rso_lidar.mission_analysis.budgets.facing_attitudes import list_facing_attitudes
+from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch, follow_gate, list_facing_attitudes
+from rso_lidar.mission_analysis.budgets.finding_range import choose_body
 from rso_lidar.scenario import Finding, spread_attitudes
 from rso_lidar.units import RANGE_PER_DELAY_M_S
 

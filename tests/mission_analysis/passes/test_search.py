@@ -14,7 +14,7 @@ import rso_lidar as rl
 from rso_lidar import motion, orbit
 from rso_lidar.detector import LaserPulse, predict
 from rso_lidar.errors import CatalogError, RecordingError, ScenarioError
-from rso_lidar.mission_analysis.budgets.link_budget import filled_pixel_photons
+from rso_lidar.mission_analysis.budgets.pixel_light import filled_pixel_photons
 from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
 from rso_lidar.orbit import (
     Catalog,

@@ -1,4 +1,4 @@
-"""CRC-32C bit by bit, the oracle of `rso_lidar.dataset.conversion.tensorflow_records.compute_crc32c`.
+"""CRC-32C bit by bit, the oracle of `rso_lidar.dataset.conversion.tensorflow_files.compute_crc32c`.
 
 The division of polynomials over GF(2) as RFC 3720 (appendix B.4) states it: bits reversed, all ones before and after.
 """

@@ -65,14 +65,14 @@ def test_runs_are_the_same_however_many_there_are(mission):
 def test_an_interrupted_study_goes_on(mission, tmp_path, monkeypatch):
     flown = []
 
-    def stop(made, begins, workers):
+    def stop(fly, begins, count):
         for begin in begins:
             flown.append(begin)
-            yield begin, made.fly(range(begin, begin + 250))
+            yield fly(begin)
             if len(flown) == 1:
                 raise KeyboardInterrupt
 
-    monkeypatch.setattr(dispersed_mission, "_fly_blocks", stop)
+    monkeypatch.setattr(dispersed_mission, "map_unordered", stop)
     with pytest.raises(KeyboardInterrupt):
         rl.study.disperse(make_scenario(), 500, working=tmp_path / "kept")
     assert len(list(tmp_path.iterdir())) == 1

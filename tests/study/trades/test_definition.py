@@ -9,7 +9,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.scenario import Scenario
 from rso_lidar.study import Study
 from rso_lidar.study.trades.definition import MOST_ROWS, write_toml_value
-from rso_lidar.study.trades.sampling import draw_shares, list_points, list_settings
+from rso_lidar.study.trades.plan import draw_shares, list_points, list_settings
 from tests.study.trades.trade_for_tests import STUDY, folder_with
 
 HEAD = """

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rso_lidar.dataset.checking.leaks import find_constants, find_leaks
+from rso_lidar.dataset.checking.statistics import find_constants, find_leaks
 
 
 def test_equal_laws_leak_in_no_case():

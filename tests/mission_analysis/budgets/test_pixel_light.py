@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rso_lidar.mission_analysis.budgets.link_budget import filled_pixel_photons
+from rso_lidar.mission_analysis.budgets.pixel_light import filled_pixel_photons
 from rso_lidar.optics import Laser, Receiver
 from tests.optics.bench_for_tests import look, place, plate
 

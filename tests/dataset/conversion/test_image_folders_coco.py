@@ -7,7 +7,7 @@ from contextlib import redirect_stdout
 import numpy as np
 import pytest
 
-from rso_lidar.dataset.conversion.coco_annotations import measure_runs, open_coco, outline_mask
+from rso_lidar.dataset.conversion.image_folders import measure_runs, open_coco, outline_mask
 
 MASK = np.zeros((4, 6), bool)
 MASK[1:3, 2:5] = True

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rso_lidar.dataset.publication.frame_counts import NO_TARGET, PIXEL_STEPS, count_frames
+from rso_lidar.dataset.publication.card_tables import NO_TARGET, PIXEL_STEPS, count_frames
 
 
 def test_frames_by_class_and_split(data):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.evaluation.track_quality.burns import list_known_burns
+from rso_lidar.evaluation.track_quality.own_knowledge import list_known_burns
 from rso_lidar.rpo import Plan
 from rso_lidar.track import filter_positions
 

@@ -1,12 +1,19 @@
-"""Burns that the follower knows of itself, from the commands of its proximity operation."""
+"""What the follower knows of itself: its burns, by the commands of its proximity operation, and where the lidar points."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from rso_lidar import rpo
+from rso_lidar import motion, rpo, units
 from rso_lidar.motion import find_plan, follows_plan, list_commands
+from rso_lidar.pose import ROOT, Link, PoseTree
+from rso_lidar.records import Observation
 from rso_lidar.scenario import Scenario
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
 
 _LEAST_M_S = 1e-9  # velocity change between two frames below which the flight counts as free
 
@@ -38,3 +45,19 @@ def _sample_control(plan: rpo.Plan, time_s: np.ndarray) -> list[rpo.PlannedImpul
     given = plan.control_m_s2(middle_s) * step_s[:, None]
     size = np.sqrt((given**2).sum(axis=1))
     return [rpo.PlannedImpulse(float(middle_s[k]), given[k]) for k in np.flatnonzero(size > _LEAST_M_S)]
+
+
+def find_measured_mount(scenario: Scenario, observation: Observation) -> RigidTransform:
+    """Return follower_from_lidar, from the encoders where there is a PTU."""
+    alone = PoseTree({}, {}).with_node("follower", ROOT, Link.still())
+    measured = observation.pan_tilt_rad
+    angles = np.zeros(2) if measured is None else measured
+    return motion.add_lidar(alone, scenario.ptu, angles, np.zeros(2), scenario.lidar.mount).pose("follower", "lidar")
+
+
+def find_pointing_error_rad(scenario: Scenario) -> float:
+    """Return the pointing error of the encoders [rad], one standard deviation of each axis."""
+    if scenario.ptu is None:
+        return 0.0
+    errors = scenario.ptu.errors
+    return float(np.hypot(errors.jitter_deg, errors.encoder_noise_deg)) * units.DEG

@@ -3,7 +3,7 @@
 import json
 
 import rso_lidar as rl
-from rso_lidar.dataset.publication.sensor_table import list_parameters
+from rso_lidar.dataset.publication.card_tables import list_parameters
 from rso_lidar.scenario import Lidar
 
 

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from rso_lidar.dataset.conversion.tensorflow_records import compute_crc32c, encode_example, frame_record
+from rso_lidar.dataset.conversion.tensorflow_files import compute_crc32c, encode_example, frame_record
 from rso_lidar.kernels import packed
 from tests.reference.dataset import tensorflow_records as oracle
 

@@ -8,7 +8,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import motion
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.mission_analysis.passes.body_trajectory import BodyTrajectory
+from rso_lidar.mission_analysis.passes.search_objects import BodyTrajectory
 from rso_lidar.orbit import Epochs, screen
 from rso_lidar.shipped import shipped
 
