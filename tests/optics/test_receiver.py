@@ -120,6 +120,7 @@ def test_a_baffle_is_as_wide_as_the_lens_and_twice_the_slope_of_the_corner_of_th
     fields = {"focal_length_mm": 100.0, "f_number": 2.0, "n_rows": 20, "n_cols": 30, "filter_width_nm": 1.0}
     if fits:
         assert Receiver(**fields, glare=glare).glare == glare
+        assert glare.baffle.lit_fraction(np.radians([0.0, 80.0]), 0.05).tolist() == [1.0, 1e-4]  # open, and shaded
     else:
         with pytest.raises(ScenarioError, match=r"needs 57\.21 mm; widen or shorten it"):
             Receiver(**fields, glare=glare)

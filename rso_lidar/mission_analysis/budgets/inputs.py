@@ -267,7 +267,7 @@ def has_retros(scenario: Scenario | None) -> bool:
     return len({material.is_retro for surface in seen for material in surface.materials}) > 1
 
 
-def describe_omissions(lidar: Lidar, false_alarms: float, *, retros: bool = False) -> tuple[str, ...]:
+def describe_omissions(lidar: Lidar, false_alarms: float, *, retros: bool) -> tuple[str, ...]:
     """Describe the false alarms, and the effects of camera and target that the closed form omits.
 
     Parameters

@@ -5,9 +5,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import Body, Fixed, FixedAttitude, LookAt, Nadir, Rtn, Slew, Spin, SunPointing, truth
+from rso_lidar.motion.attitudes.slew import _initial_rotvec
 from rso_lidar.orbit import Epochs, Kepler
 
 START = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
@@ -114,6 +116,13 @@ def test_half_a_turn_goes_the_same_way_always():
         law = slew(FixedAttitude(), FixedAttitude(euler_zyx_deg=then), (3.0, 1.0), at_s=0.0)
         _, rate = bench(law, np.array([30.0]))
         assert np.degrees(rate[0, 2]) == pytest.approx(3.0)  # about +z
+
+
+def test_what_is_less_than_half_a_turn_goes_the_shorter_way():
+    """By a tenth of a microradian about -z, by all of it but rounding about +z."""
+    for less_rad, sign in ((1e-7, -1.0), (1e-11, 1.0)):
+        angle = Rotation.from_rotvec([[0.0, 0.0, less_rad - math.pi]])
+        assert np.sign(_initial_rotvec(Rotation.identity(1), angle)[2]) == sign
 
 
 def test_the_way_round_is_kept_past_half_a_turn():

@@ -5,9 +5,10 @@ import datetime
 import numpy as np
 import pytest
 
+from rso_lidar import units
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit import Catalog, ElementSet, Fleet, screen
-from rso_lidar.orbit.screening.orbit_bounds import OrbitBounds
+from rso_lidar.orbit.screening.orbit_bounds import OrbitBounds, _group_by_span
 
 EPOCH = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
 START = EPOCH + datetime.timedelta(hours=5, seconds=0.25)
@@ -233,6 +234,15 @@ def test_shells_and_speeds_contain_what_is_flown():
     assert np.all(radius[whole].min(axis=1) > bounds.perigee_m[whole] + 20e3)
     assert np.all(radius[whole].max(axis=1) < bounds.apogee_m[whole] - 20e3)
     assert np.all(speed[whole].max(axis=1) < bounds.speed_m_s[whole])
+    # Beyond the margin, what J2 may add to the highest apogee of osculating elements: 4 J2 R² a² / q³.
+    round_ = whole & (np.ptp(radius, axis=1) < 30e3)
+    least = 4.0 * units.EARTH_J2 * units.EARTH_RADIUS_M**2 / radius[round_].max(axis=1)
+    assert round_.any() and np.all(radius[round_].max(axis=1) < bounds.apogee_m[round_] - 50e3 - least + 10e3)
+
+
+def test_rows_of_other_spans_than_the_widest_are_in_lots_too():
+    lots = _group_by_span(np.array([[0.0, 10.0], [0.0, 5.0], [0.0, 10.0], [5.0, 10.0]]))
+    assert [lot.tolist() for lot in lots] == [[0, 2], [1, 3]]
 
 
 def test_what_decays_is_listed_and_the_rest_is_used():
