@@ -60,3 +60,10 @@ def test_a_normal_that_is_no_number_does_not_bear_on_the_corners(load):  # noqa:
     lines = ["solid a", "facet normal -nan(ind) -1.#IND 1.#QNAN", "outer loop", "vertex 0 0 7", "vertex 2 0 7"]
     text = "\n".join([*lines, "vertex 0 3 7", "endloop", "endfacet", "endsolid a"])
     assert load("a.stl", text.encode()).vertices.tolist() == [[0, 0, 7], [2, 0, 7], [0, 3, 7]]
+
+
+def test_an_ascii_file_with_a_zero_byte_is_refused_as_text(load):  # noqa: F811
+    """Not as a binary file that promises a billion facets, however its lines and capitals are."""
+    named = ascii_stl(BOX).replace(b"solid box\n", b"SOLID box\0\n", 1).replace(b"facet normal", b"FACET  NORMAL")
+    with pytest.raises(MeshError, match="is UTF-16 text or no text"):
+        load("a.stl", named)
