@@ -9,6 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.evaluation import tracking
+from rso_lidar.evaluation.track_quality import evaluation
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
@@ -94,6 +95,20 @@ def test_a_flat_target_is_tracked_as_well_as_believed(text):
     assert 1.5 < made.tracks["cv"].nis_mean < 4.5
     assert made.tracks["cv"].nis_share > 0.85
     assert abs(np.mean(made.table["cv_error_ahead_m"][20:])) < 0.05
+
+
+def test_pixels_are_as_wide_as_the_lens_makes_them(recorded, monkeypatch):
+    widths_rad, locate = [], evaluation.locate_centroid
+
+    def noted(points, **how):
+        widths_rad.append(how["pixel_rad"])
+        return locate(points, **how)
+
+    monkeypatch.setattr(evaluation, "locate_centroid", noted)
+    with rl.open(recorded) as frames:
+        tracking(frames[:3])
+        fov_rad = np.radians(rl.Scenario.loads(frames[0].source.scenario).lidar.receiver.fov_deg)
+    np.testing.assert_allclose(widths_rad, 2.0 * np.tan(0.5 * fov_rad) / 64, rtol=1e-6)
 
 
 def test_files_and_pictures(made, tmp_path):
