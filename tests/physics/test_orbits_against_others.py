@@ -13,7 +13,7 @@ from rso_lidar import motion, units
 from rso_lidar.orbit import Epochs, Kepler, Tle, gcrs_from_teme, propagate_two_body
 from rso_lidar.orbit.sets.formats import parse_lines
 from rso_lidar.orbit.sets.teme import propagate_in_teme
-from rso_lidar.orbit.sky.sun import sun_direction
+from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.rpo import Hill, clohessy_wiltshire, rtn_axes
 
 GM = units.EARTH_GM_M3_S2
@@ -412,7 +412,10 @@ def test_a_follower_metres_away_is_placed_to_a_tenth_of_a_micrometre(validation)
 def test_seasons_begin_when_the_almanac_says(validation, name, instant, longitude_deg):
     epochs = Epochs(datetime.datetime(*instant, tzinfo=UTC), np.zeros(1))
     time = epochs.skyfield_time()
-    x, y, z = np.einsum("ijt,tj->ti", time.M, sun_direction(epochs))[0]  # true equator and equinox of date
+    toward_m = sun_position_m(epochs)
+    x, y, z = np.einsum("ijt,tj->ti", time.M, toward_m / np.linalg.norm(toward_m, axis=1, keepdims=True))[
+        0
+    ]  # true equator and equinox of date
     obliquity = (time._mean_obliquity_radians + time._nutation_angles_radians[1])[0]
     longitude = math.atan2(y * math.cos(obliquity) + z * math.sin(obliquity), x) / units.DEG
     validation(

@@ -119,7 +119,7 @@ def test_a_target_on_the_boresight_and_the_farthest_range_are_inside_the_axes():
 
 
 def test_frames_give_the_angles_too(coming):
-    for target in (None, "rtn"):  # the first target, and axes that are no target
+    for target in (None, "tdrs.rtn"):  # the first target, and axes that are no target
         shown = angles_figure(coming, target).axes[0].lines[0].get_ydata()
         expected = [np.linalg.norm(frame.truth.pose("lidar", target or "tdrs").translation) for frame in coming]
         np.testing.assert_allclose(shown, expected)
