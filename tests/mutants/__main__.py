@@ -145,7 +145,7 @@ def report(faults: list[Fault], results: Results) -> dict[str, float]:
     rows = {fault: results.known.get((fault.room, fault.name), {}) for fault in faults}
     shares = {}
     for kind in WANTED:
-        of_kind = {f: row.get("outcome", "not run") for f, row in rows.items() if (f.line > 0) == (kind == "sample")}
+        of_kind = {f: row.get("outcome", "not run") for f, row in rows.items() if f.kind == kind}
         if not of_kind:
             continue
         sys.stdout.write(f"\n{kind:18}faults  killed  survived  not run  equivalent\n")
@@ -184,7 +184,7 @@ def main() -> int:
     parser.add_argument("--named-only", action="store_true", help="run no tests but those named with a fault: quick")
     parser.add_argument("--equivalent", action="store_true", help="try those too that are said to be equivalent")
     parser.add_argument("--report", action="store_true", help="run nothing, say what is known")
-    parser.add_argument("--measure", action="store_true", help="note anew which tests reach what (some 10 minutes)")
+    parser.add_argument("--measure", action="store_true", help="note anew which tests reach what (some 20 minutes)")
     parser.add_argument("--folder", type=Path, help="where the copies live, kept for the next time (a temporary one)")
     parser.add_argument("--results", type=Path, default=ROOT / "out" / "mutants.jsonl", help="where outcomes are kept")
     asked = parser.parse_args()
@@ -204,7 +204,7 @@ def main() -> int:
     if waiting and not asked.report:
         jobs = max(asked.jobs, 1)
         os.environ.setdefault("RSO_LIDAR_SHARED", str(ROOT.parent / "shared"))
-        if asked.measure or (any(fault.line for fault in waiting) and not reach.FOLDER.is_dir()):
+        if asked.measure or (any(fault.line for fault in waiting) and not reach.is_measured()):
             reach.measure(jobs)
         noted = reach.Reach() if any(fault.line for fault in waiting) else None
 

@@ -26,6 +26,11 @@ class Fault:
     equivalent: str = ""
     line: int = 0  # of a fault of the random sample; 0 in the list
 
+    @property
+    def kind(self) -> str:
+        """Return "sample" for a fault that was drawn, else "list"."""
+        return "sample" if self.line else "list"
+
     def planted(self, source: str) -> str:
         """Return the source with the fault in it."""
         return source.replace(self.old, self.new)

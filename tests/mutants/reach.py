@@ -6,6 +6,7 @@ that tests start are followed too, by a `sitecustomize` on their path.
 """
 
 import ast
+import hashlib
 import json
 import os
 import re
@@ -13,7 +14,8 @@ import shutil
 import subprocess
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -22,6 +24,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "out" / "reach"
 PACKAGE = "rso_lidar"
+_FUNCTION = ast.FunctionDef | ast.AsyncFunctionDef
 SETTINGS = f"""\
 [run]
 source = {ROOT / PACKAGE}
@@ -128,9 +131,9 @@ class Reach:
     def __init__(self) -> None:
         from coverage import Coverage
 
-        self.data = Coverage(data_file=str(FOLDER / "coverage"), config_file=False)
-        self.data.combine(keep=True)
-        self.data = self.data.get_data()
+        measured = Coverage(data_file=str(FOLDER / "coverage"), config_file=False)
+        measured.combine(keep=True)
+        self.data = measured.get_data()
         self.seconds: dict[str, float] = defaultdict(float)
         self.users: dict[str, set[str]] = defaultdict(set)  # of a fixture: tests
         self.callers: dict[tuple[str, int], set[str]] = defaultdict(set)  # of a kernel: tests and fixtures
@@ -150,18 +153,17 @@ class Reach:
 
         A line that runs at import is reached by whatever runs in its module, and by lines elsewhere that hold its name.
         """
-        place = _Place(file, line)
+        place = _find_place(file, line)
         contexts: set[str] = set()
         if place.kernel is not None:
-            for key in self._kernels_with(file, place.kernel):
+            for key in self._kernels_with((file, place.kernel)):
                 contexts |= self.callers.get(key, set())
         if place.function is not None:
-            contexts |= self._contexts(file, range(*place.statement))
+            contexts |= self._contexts(file, place.statement)
             if not contexts - {""}:
-                contexts |= self._contexts(file, range(*place.function))
+                contexts |= self._contexts(file, place.function)
         if not contexts - {""}:
-            inside = [number for start, end in _functions(file) for number in range(start, end)]
-            contexts |= self._contexts(file, inside)
+            contexts |= self._contexts(file, _bodies(file))
             for kernel in _kernels():
                 if kernel[0] == file:
                     contexts |= self.callers.get(kernel, set())
@@ -171,7 +173,7 @@ class Reach:
         tests = {test for context in contexts for test in self.users.get(context, {context})} & set(self.seconds)
         return sorted(tests, key=lambda test: (distance(file, test), self.seconds[test], test))
 
-    def _contexts(self, file: str, lines) -> set[str]:
+    def _contexts(self, file: str, lines: Iterable[int]) -> set[str]:
         by_line = self._by_line(file)
         return {context for line in lines for context in by_line.get(line, ())}
 
@@ -179,17 +181,17 @@ class Reach:
     def _by_line(self, file: str) -> dict[int, list[str]]:
         return self.data.contexts_by_lineno(str(ROOT / file))
 
-    def _kernels_with(self, file: str, kernel: tuple[int, str]) -> Iterator[tuple[str, int]]:
+    def _kernels_with(self, kernel: tuple[str, int]) -> Iterator[tuple[str, int]]:
         """Yield a kernel and those that call it, however indirectly, as far as their names tell."""
-        waiting, seen = [(file, kernel[0])], set()
+        waiting, seen = [kernel], set()
         while waiting:
             place = waiting.pop()
             if place in seen:
                 continue
             seen.add(place)
             yield place
-            name = _kernels()[place]["name"]
-            waiting += [other for other, told in _kernels().items() if name in told["calls"]]
+            name, _ = _kernels()[place]
+            waiting += [other for other, (_, called) in _kernels().items() if name in called]
 
 
 @cache
@@ -198,8 +200,8 @@ def _tree(file: str) -> ast.Module:
 
 
 @cache
-def _kernels() -> dict[tuple[str, int], dict]:
-    """Return all compiled loops by file and first line (that of the decorator): their names, and what they call."""
+def _kernels() -> dict[tuple[str, int], tuple[str, set[str]]]:
+    """Return all compiled loops by file and first line (that of the decorator): their names, and those that they use."""
     kernels = {}
     for path in sorted((ROOT / PACKAGE).rglob("*.py")):
         file = path.relative_to(ROOT).as_posix()
@@ -207,56 +209,49 @@ def _kernels() -> dict[tuple[str, int], dict]:
             continue
         for node in ast.walk(_tree(file)):
             if isinstance(node, ast.FunctionDef) and any("kernel" in ast.dump(d) for d in node.decorator_list):
-                names = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
-                names |= {n.attr for n in ast.walk(node) if isinstance(n, ast.Attribute)}
-                first = node.decorator_list[0].lineno
-                kernels[file, first] = {"name": node.name, "calls": names - {node.name}, "end": node.end_lineno}
+                used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
+                used |= {part.attr for part in ast.walk(node) if isinstance(part, ast.Attribute)}
+                kernels[file, node.decorator_list[0].lineno] = node.name, used - {node.name}
     return kernels
 
 
 @cache
-def _functions(file: str) -> list[tuple[int, int]]:
-    """Return from where to where the bodies of functions go."""
-    kinds = ast.FunctionDef | ast.AsyncFunctionDef
-    return [(n.body[0].lineno, (n.end_lineno or 0) + 1) for n in ast.walk(_tree(file)) if isinstance(n, kinds)]
+def _bodies(file: str) -> list[int]:
+    """Return the lines of the bodies of functions."""
+    functions = [node for node in ast.walk(_tree(file)) if isinstance(node, _FUNCTION)]
+    return [line for node in functions for line in range(node.body[0].lineno, _end(node) + 1)]
 
 
+@dataclass(frozen=True)
 class _Place:
-    """Where a line stands: its statement, function and kernel, and the names that the statement gives."""
+    """Where a line stands: lines of its statement and its function's body, first line of its kernel, names that it gives."""
 
-    def __init__(self, file: str, line: int) -> None:
-        self.function: tuple[int, int] | None = None
-        self.kernel: tuple[int, str] | None = None
-        self.names: set[str] = set()
-        self.statement = (line, line + 1)
-        least = float("inf")
-        for node in ast.walk(_tree(file)):
-            if not isinstance(node, ast.stmt):
-                continue
-            first, last = node.lineno, node.end_lineno or node.lineno
-            if not first <= line <= last:
-                continue
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and line >= node.body[0].lineno:
-                if self.function is None or last - first < self.function[1] - self.function[0]:
-                    self.function = (node.body[0].lineno, last + 1)
-                key = (file, node.decorator_list[0].lineno) if node.decorator_list else None
-                if key in _kernels():
-                    self.kernel = (key[1], node.name)
-            body = getattr(node, "body", None)
-            end = body[0].lineno - 1 if isinstance(body, list) and body and line < body[0].lineno else last
-            if isinstance(body, list) and end == last:
-                if isinstance(node, ast.ClassDef | ast.FunctionDef):
-                    self.names.add(node.name)
-                continue
-            if isinstance(node, ast.FunctionDef):
-                self.names.add(node.name)
-            if end - first < least:
-                least, self.statement = end - first, (first, end + 1)
-                targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-                if self.function is None:
-                    self.names |= {
-                        n.id for t in targets if t is not None for n in ast.walk(t) if isinstance(n, ast.Name)
-                    }
+    statement: range
+    function: range | None
+    kernel: int | None
+    names: set[str]
+
+
+def _find_place(file: str, line: int) -> _Place:
+    nodes = [node for node in ast.walk(_tree(file)) if isinstance(node, ast.stmt) and node.lineno <= line <= _end(node)]
+    inner = nodes[-1]  # they come from the outermost to the innermost
+    body = getattr(inner, "body", None)
+    statement = range(inner.lineno, body[0].lineno if isinstance(body, list) and body else _end(inner) + 1)
+    functions = [node for node in nodes if isinstance(node, _FUNCTION) and line >= node.body[0].lineno]
+    starts = [node.decorator_list[0].lineno for node in functions if node.decorator_list]
+    names = {node.name for node in nodes if isinstance(node, ast.ClassDef | _FUNCTION)}
+    targets = inner.targets if isinstance(inner, ast.Assign) else [getattr(inner, "target", None)]
+    names |= {node.id for target in targets if target for node in ast.walk(target) if isinstance(node, ast.Name)}
+    return _Place(
+        statement if line in statement else range(line, line + 1),
+        range(functions[-1].body[0].lineno, _end(functions[-1]) + 1) if functions else None,
+        next((start for start in starts if (file, start) in _kernels()), None),
+        names,
+    )
+
+
+def _end(node: ast.stmt) -> int:
+    return node.end_lineno or node.lineno
 
 
 @cache
@@ -287,8 +282,21 @@ def distance(file: str, test: str) -> int:
 def measure(jobs: int) -> None:
     """Run all tests of what the package does once and note what they reach."""
     shutil.rmtree(FOLDER, ignore_errors=True)
+    before = _digest()
     command = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadscope", "--no-loadscope-reorder"]
     environment = os.environ | {"RSO_LIDAR_QUICK_TEST_S": "inf"}
-    subprocess.run(
-        [*command, "-p", "tests.mutants.reach", "--ignore=tests/house"], cwd=ROOT, env=environment, check=False
-    )
+    command += ["-p", "tests.mutants.reach", "--ignore=tests/house"]
+    if subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode not in (0, 1):  # 1: some test failed
+        raise SystemExit(f"mutants: {' '.join(command)} did not run its tests")
+    (FOLDER / "digest").write_text(before, encoding="utf-8")
+
+
+def is_measured() -> bool:
+    """Return whether all was noted, for the package and the tests as they are now."""
+    file = FOLDER / "digest"
+    return file.is_file() and file.read_text(encoding="utf-8") == _digest()
+
+
+def _digest() -> str:
+    files = sorted(path for top in (PACKAGE, "tests") for path in (ROOT / top).rglob("*.py"))
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()

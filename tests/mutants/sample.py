@@ -2,7 +2,8 @@
 
 Each line of code that can go wrong has a rank, a hash of `SEED`, of its text and of where it stands; the first `SIZE` lines
 are the sample, with one fault each. A change of the package thus replaces the faults of the lines that it changes, and no
-others. A fault is named by its hash; `sample.toml` says of those that no test can see why that is so.
+others. A fault is named by this hash and by what it
+changes. `sample.toml` names those that no test can see, and says why.
 """
 
 import ast
@@ -12,7 +13,7 @@ import tomllib
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, islice, pairwise
 
 from tests.mutants.faults import FOLDER, ROOT, Fault
@@ -334,16 +335,16 @@ def draw(size: int = SIZE) -> list[Fault]:
     files = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / PACKAGE).rglob("*.py"))
     lines = sorted((line for file in files for line in _lines_of(file)), key=lambda line: line.rank)
     reasons = equivalent()
-    faults = (_fault(line, edit, reasons.get(line.rank, "")) for line in lines if (edit := line.choose()) is not None)
-    return list(islice(faults, size))
+    faults = (_fault(line, edit) for line in lines if (edit := line.choose()) is not None)
+    return [replace(fault, equivalent=reasons.get(fault.name, "")) for fault in islice(faults, size)]
 
 
 def equivalent() -> dict[str, str]:
-    """Return why faults of the sample cannot be seen, by their ranks."""
+    """Return why faults of the sample cannot be seen, by their names."""
     return tomllib.loads((FOLDER / "sample.toml").read_text(encoding="utf-8"))["equivalent"]
 
 
-def _fault(line: _Line, edit: Edit, reason: str) -> Fault:
+def _fault(line: _Line, edit: Edit) -> Fault:
     """Return an edit as whole lines, with as many of those before it as make them unique in the file."""
     source = line.source
     first, last = line.index, source.line(max(edit.end - 1, edit.start))
@@ -357,4 +358,4 @@ def _fault(line: _Line, edit: Edit, reason: str) -> Fault:
     told = f"{line.rank} {edit.kind} in {line.name or 'the module'}: {was!r} -> {' '.join(edit.new.split())!r}"
     parts = line.file.split("/")
     room = parts[1] if len(parts) > 2 else PACKAGE
-    return Fault(room, told, line.file, old.decode(), new.decode(), equivalent=reason, line=line.index + 1)
+    return Fault(room, told, line.file, old.decode(), new.decode(), line=line.index + 1)

@@ -68,9 +68,11 @@ class Tree:
         names = list(json.loads(failed.read_text(encoding="utf-8"))) if failed.is_file() else []
         if names:
             return names
-        if fault is None or (run.returncode in (3, 4, 5) and "rror" not in run.stdout + run.stderr):
+        if fault is None:
             raise SystemExit(f"mutants: pytest {' '.join(tests)}: {run.stdout[-2000:]}{run.stderr[-2000:]}")
-        return [f"pytest ended with {run.returncode}"]  # the package cannot be imported, or the interpreter ended
+        if run.returncode in (3, 4, 5):  # the package cannot be imported, or there are no such tests
+            self.test(tests, None, limit_s)
+        return [f"pytest ended with {run.returncode}"]
 
     def _plant(self, fault: Fault):
         path = self.root / fault.file
