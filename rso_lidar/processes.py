@@ -122,12 +122,7 @@ class Processes:
 
 
 def check_workers(workers: Any) -> None:
-    """Raise `ScenarioError` for a number of processes that is none; None stands for this process alone.
-
-    Parameters
-    ----------
-    workers : the number, as a user gives it
-    """
+    """Raise `ScenarioError` unless `workers` is a whole number from 1, or None for this process alone."""
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
 

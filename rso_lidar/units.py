@@ -4,7 +4,6 @@ A conversion is a multiplication: ``laser.energy_mj * units.MJ`` is joules, ``an
 """
 
 import math
-from collections.abc import Collection, Sequence
 
 # CODATA 2018: both exact by definition of the SI.
 SPEED_OF_LIGHT_M_S = 299_792_458.0
@@ -92,22 +91,6 @@ def format_count(count: float, noun: str) -> str:
     ('1 facet', '2,000 facets', '0.5 days')
     """
     return f"{count:,.10g} {noun}{'s' * (count != 1)}"
-
-
-def align_columns(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
-    """Return rows of cells as lines with aligned columns; those numbered in `left` align to the left, others to the right.
-
-    >>> align_columns([("name", "m"), ("a", "10")])
-    ['name   m', 'a     10']
-    """
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            cell.ljust(width) if k in left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
 
 
 # Light goes out and comes back: multiply a delay by this to have a range, divide a range by it to have a delay.

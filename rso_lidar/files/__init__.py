@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     )
     from rso_lidar.files.writing import (
         advise_on_write,
+        align_columns,
         can_write_in,
         check_draft,
         check_stream,
@@ -38,6 +39,7 @@ else:
 __all__ = [
     "MOST_BYTES",
     "advise_on_write",
+    "align_columns",
     "can_write_in",
     "check_draft",
     "check_regular",

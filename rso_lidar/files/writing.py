@@ -7,7 +7,7 @@ import errno
 import io
 import itertools
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -342,3 +342,19 @@ def _new(place: Path, keep_suffix: bool) -> tuple[Path, IO[bytes]]:
         except FileExistsError:
             continue
     raise AssertionError("unreachable: itertools.count is infinite")
+
+
+def align_columns(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
+    """Return rows of cells as lines with aligned columns; those numbered in `left` align to the left, others to the right.
+
+    >>> align_columns([("name", "m"), ("a", "10")])
+    ['name   m', 'a     10']
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            cell.ljust(width) if k in left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]

@@ -27,6 +27,8 @@ from rso_lidar.records import Truth
 def apply_light_time(truth: Truth, names: Iterable[str]) -> Truth:
     """Return the truth of a flash in which each of the named axes stands where the lidar sees it by its own light.
 
+    The named axes become children of the lidar's. Time, states and all other axes stay as they are at emission.
+
     Parameters
     ----------
     truth : at emission, with the lidar and all rates; one epoch or a batch

@@ -15,9 +15,8 @@ from rso_lidar.dataset.scoring.comparison import Comparison
 from rso_lidar.dataset.scoring.score_figures import ScoreFigure, describe_frames, draw_comparison, list_figures
 from rso_lidar.dataset.scoring.scorecard import Scorecard
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.files import check_writable, write_text
+from rso_lidar.files import align_columns, check_writable, write_text
 from rso_lidar.picture import LIGHT, Scheme, html_page, save_figure
-from rso_lidar.units import align_columns
 
 SUFFIXES = (".html", ".json")
 _MOST_POINTS = 400  # of a curve in JSON

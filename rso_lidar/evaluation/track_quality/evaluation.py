@@ -78,7 +78,8 @@ class Tracking(SavedResult):
         note = f"range noise {self.range_noise_m:.3g} m, process noise {self.acceleration_m_s2_sqrt_hz:g} m/s²/√Hz"
         return tracking_figure(self.table, tuple(self.tracks), self.target, self.title, note)
 
-    def _columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the columns of the table by name."""
         return self.table
 
 

@@ -235,7 +235,11 @@ def parse_origin(text: str) -> str:
 
 
 class HandshakeCheck:
-    """Limits of one connection: the request that opens it is short, and comes from no page that is not accepted."""
+    """Limits of one connection: the request that opens it is short, and comes from no page that is not accepted.
+
+    A browser states the origin of a page, which the page can neither choose nor leave out (RFC 6455, sec. 10.2). Programs
+    outside a browser state none, or whatever they like.
+    """
 
     refusal = b"HTTP/1.1 403 Forbidden\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
 

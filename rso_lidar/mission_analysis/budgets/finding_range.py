@@ -129,7 +129,8 @@ class FoundRange(SavedResult):
             small_print=self.notes,
         )
 
-    def _columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the columns of the table by name."""
         return {name: getattr(self, name) for name in ("range_m", "found_probability", "worst_probability")}
 
     def _best_range_m(self) -> float:

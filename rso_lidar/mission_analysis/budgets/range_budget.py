@@ -13,7 +13,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector import false_alarm_probability
 from rso_lidar.errors import ScenarioError
-from rso_lidar.files import check_writable, format_csv, write_text
+from rso_lidar.files import align_columns, check_writable, format_csv, write_text
 from rso_lidar.mission_analysis.budgets.budget_figure import budget_figure
 from rso_lidar.mission_analysis.budgets.inputs import (
     check_angles_deg,
@@ -180,7 +180,7 @@ class Budget:
             reach = f"{curve.max_range_m:,.0f} m{ends}"
             on_target = f"{pixels:,.3g} px" if inside else "-"
             rows.append([*row, reach, *seen, f"{curve.max_range_m * self.pixel_rad:.3g} m", on_target])
-        return "\n".join([f"{self.camera}: {self.about()}", *units.align_columns(rows), *self.notes])
+        return "\n".join([f"{self.camera}: {self.about()}", *align_columns(rows), *self.notes])
 
 
 def budget(

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.files import check_writable, format_csv, write_text
+from rso_lidar.files import align_columns, check_writable, format_csv, write_text
 from rso_lidar.mission_analysis.mission_parameters.parameter_list import MissionParameter, iterate_parameters
 from rso_lidar.mission_analysis.mission_parameters.sysml_text import write_model
 from rso_lidar.scenario import Scenario
-from rso_lidar.units import align_columns
 
 _COLUMNS = ("path", "value", "unit", "meaning", "default", "source", "is_derived")
 _WIDEST = 40  # characters of a value on the terminal

@@ -13,8 +13,8 @@ from rso_lidar.mission_analysis.passes.conjunction_assessment import Conjunction
 from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M
 from rso_lidar.mission_analysis.passes.pass_geometry import reach_m
 from rso_lidar.mission_analysis.passes.scenario_lines import (
-    LONGEST_S,
-    SHORTEST_S,
+    LONGEST_RUN_S,
+    SHORTEST_RUN_S,
     write_cautions,
     write_motion,
     write_scenario,
@@ -112,8 +112,8 @@ def _write_facts(conjunction: ConjunctionAssessment, own: ConjunctionObject, oth
 def _choose_time(conjunction: ConjunctionAssessment, reach: float) -> tuple[datetime.datetime, float]:
     """Return start (a whole second), and duration [s] for a reach [m]."""
     inside_m = math.sqrt(max(reach**2 - conjunction.miss_m**2, 0.0))
-    half_s = inside_m / conjunction.speed_m_s if conjunction.speed_m_s > 0.0 else LONGEST_S
-    half_s = min(max(half_s, 0.5 * SHORTEST_S), 0.5 * LONGEST_S)
+    half_s = inside_m / conjunction.speed_m_s if conjunction.speed_m_s > 0.0 else LONGEST_RUN_S
+    half_s = min(max(half_s, 0.5 * SHORTEST_RUN_S), 0.5 * LONGEST_RUN_S)
     tca_utc = conjunction.message.tca_utc
     start_utc = (tca_utc - datetime.timedelta(seconds=half_s)).replace(microsecond=0)
     return start_utc, float(math.ceil(2.0 * half_s) + 1)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.files import format_csv, write_text
+from rso_lidar.files import align_columns, format_csv, write_text
 from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
 from rso_lidar.mission_analysis.passes.exclusion import keep_out_radius_m, select_rtn_corridors
 from rso_lidar.mission_analysis.passes.pass_geometry import (
@@ -21,7 +21,7 @@ from rso_lidar.mission_analysis.passes.pass_geometry import (
 )
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
 from rso_lidar.scenario import Constraints, Lidar
-from rso_lidar.units import align_columns, format_count
+from rso_lidar.units import format_count
 
 NOTE = (
     "Element sets are good to about a kilometre, and worse with age: these are plausible encounters, not predictions."

@@ -27,7 +27,7 @@ _HINTS = (
     (r"INTELSAT|GALAXY|\bSES\b|EUTELSAT|ASTRA|MEV", "comsat"),
     (r"JUNO", "juno"),
 )
-LONGEST_S, SHORTEST_S = 1200.0, 10.0  # of a run
+LONGEST_RUN_S, SHORTEST_RUN_S = 1200.0, 10.0  # of a run
 _MOST_FRAMES = 1250
 _TAKEN = ("inertial", "follower", "ptu", "lidar", "sun_direction")
 

@@ -11,8 +11,8 @@ from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M, keep_out_rad
 from rso_lidar.mission_analysis.passes.pass_geometry import Encounter
 from rso_lidar.mission_analysis.passes.pass_table import Encounters
 from rso_lidar.mission_analysis.passes.scenario_lines import (
-    LONGEST_S,
-    SHORTEST_S,
+    LONGEST_RUN_S,
+    SHORTEST_RUN_S,
     name_target,
     write_cautions,
     write_motion,
@@ -145,8 +145,8 @@ def _format_age(days: float) -> str:
 def _choose_time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float]:
     """Return start (a whole second), and duration [s]."""
     begin, end = row.span_s if math.isfinite(row.span_s[0]) else (row.stay.enter_s, row.stay.leave_s)
-    begin = max(begin - _MARGIN_S, row.time_s - 0.5 * LONGEST_S)
-    end = max(min(end + _MARGIN_S, row.time_s + 0.5 * LONGEST_S), begin + SHORTEST_S)
+    begin = max(begin - _MARGIN_S, row.time_s - 0.5 * LONGEST_RUN_S)
+    end = max(min(end + _MARGIN_S, row.time_s + 0.5 * LONGEST_RUN_S), begin + SHORTEST_RUN_S)
     start_utc = (table.start_utc.astimezone(datetime.UTC) + datetime.timedelta(seconds=begin)).replace(microsecond=0)
     return start_utc, float(math.ceil(end - begin) + 1)
 

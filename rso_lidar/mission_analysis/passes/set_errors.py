@@ -17,6 +17,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, ScenarioError
+from rso_lidar.files import align_columns
 from rso_lidar.orbit import ElementSet, Epochs, Fleet, SetSequence
 from rso_lidar.part import to_real_array
 from rso_lidar.rpo import rtn_matrix
@@ -98,7 +99,7 @@ class SetErrors:
         return "\n".join(
             [
                 f"{self.label}: differences between its own element sets by age, root mean square and 68 %, in rtn axes",
-                *units.align_columns(rows, left=()),
+                *align_columns(rows, left=()),
                 "consistency, not accuracy: errors of both sets count, what all sets share does not, and manoeuvres count",
             ]
         )

@@ -38,7 +38,7 @@ def fly_open_loop(
     numbers = scenario.time.choose_frames(frames)
     ptu, mount = scenario.pan_tilt, scenario.lidar.mount
     with scenario.locate_errors():
-        world = scenario.world.keywords
+        world = scenario.world.motion_arguments
         truth = motion.truth(scenario.bodies, scenario.epochs(numbers), **world)
         angles: tuple[PtuAngles, ...] = ()
         pan_tilt_rad = rate_rad_s = np.zeros((numbers.size, 2))
@@ -127,7 +127,7 @@ def sample_between_impulses(
     ends = [at - back for at in inside for back in (_BESIDE_S, 0.0)]
     kept = [t for t in time_s.tolist() if not any(at - 2.0 * _BESIDE_S < t < at for at in inside)]
     epochs = orbit.Epochs(scenario.time.start_utc, np.union1d(kept, ends))
-    return epochs, motion.truth(scenario.bodies, epochs, **scenario.world.keywords).states[name], inside
+    return epochs, motion.truth(scenario.bodies, epochs, **scenario.world.motion_arguments).states[name], inside
 
 
 def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:

@@ -60,7 +60,8 @@ class Timeline(SavedResult):
             shadow_s=self.shadow_s,
         )
 
-    def _columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the columns of the table by name."""
         return self.table
 
 
@@ -154,7 +155,7 @@ def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[Ptu
         for name in ("demand_rad", "actual_rad", "rate_rad_s")
     )
     with scenario.locate_errors():
-        asked = motion.make_demand(scenario.ptu, scenario.bodies, *scenario.span, **scenario.world.keywords)
+        asked = motion.make_demand(scenario.ptu, scenario.bodies, *scenario.span, **scenario.world.motion_arguments)
     before, after = np.maximum(time_s - _RATE_S, 0.0), np.minimum(time_s + _RATE_S, max(scenario.span[1], _RATE_S))
     demand_rate = (asked(after) - asked(before)) / (after - before)[:, None]
     table = {}
@@ -299,7 +300,12 @@ def _project_bounds(scenario: Scenario, truth: Truth, number: int | None) -> tup
 
 
 def _is_near(surface: Surface, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return whether (time) the lidar is within a radius of the sphere about a surface, by lidar_from_surface."""
+    """Return whether (time) the lidar is within a radius of the sphere about a surface.
+
+    Parameters
+    ----------
+    place, turn : (time, 3) [m] and (time, 3, 3) of lidar_from_surface
+    """
     centre, radius_m = surface.sphere
     near: np.ndarray = np.linalg.norm(rotate_vectors(turn, centre) + place, axis=-1) < 2.0 * radius_m
     return near

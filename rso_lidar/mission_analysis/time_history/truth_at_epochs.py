@@ -53,7 +53,7 @@ def truth(
         else:
             at = orbit.Epochs(start_utc, np.asarray(epochs))
         with scenario.locate_errors():
-            body_truth = motion.truth(scenario.bodies, at, **scenario.world.keywords)
+            body_truth = motion.truth(scenario.bodies, at, **scenario.world.motion_arguments)
             ptu = scenario.pan_tilt
             still = np.zeros((len(at), 2))
             pan_tilt_rad = still if ptu is None else motion.compute_demand(ptu, scenario.bodies, body_truth)

@@ -32,7 +32,9 @@ def _check_dynamics(value: Any) -> Any:
 
 
 def name_function(value: Any) -> str:
-    """Return a function's name by which it can be found again: `package.module:name` or `file.py:name`; "<" marks a lambda.
+    """Return a function's name by which it can be found again: `package.module:name` or `file.py:name`.
+
+    The name of a lambda contains "<", and finds nothing.
 
     Parameters
     ----------

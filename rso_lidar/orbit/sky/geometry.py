@@ -49,7 +49,9 @@ def phase_angle_rad(target_m: np.ndarray, observer_m: np.ndarray, sun_m: np.ndar
 
 
 def earth_angular_radius_rad(position_m: np.ndarray, radius_m: float = units.EARTH_RADIUS_M) -> np.ndarray:
-    """Return the angular radius (time,) [rad] of the Earth's disk, or of another sphere; NaN below its surface.
+    """Return the angular radius (time,) [rad] of the Earth's disk, or of another sphere.
+
+    It is pi / 2 on the surface, and NaN below it.
 
     Parameters
     ----------

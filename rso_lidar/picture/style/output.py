@@ -72,14 +72,15 @@ def save_small_figure(
 
 
 class SavedResult(ABC):
-    """A result that writes itself as a figure, or as a table of columns, by the suffix of a path."""
+    """Base of results that are saved as a figure, or as a table of columns, by the suffix of a path."""
 
     @abstractmethod
     def figure(self) -> Any:
         """Return the figure of matplotlib."""
 
     @abstractmethod
-    def _columns(self) -> Mapping[str, Any]: ...
+    def columns(self) -> Mapping[str, Any]:
+        """Return the columns of the table by name."""
 
     def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
         """Write the table or the picture; an existing file is replaced.
@@ -100,5 +101,5 @@ class SavedResult(ABC):
         """
         place = check_writable(path, RESULT_SUFFIXES, overwrite=True)
         if place.suffix.lower() == ".csv":
-            return write_columns(place, self._columns())
+            return write_columns(place, self.columns())
         return save_figure(self.figure(), place, scheme=scheme)

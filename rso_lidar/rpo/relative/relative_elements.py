@@ -257,7 +257,8 @@ def relative_elements_from_states(chief: BodyState, body: BodyState) -> np.ndarr
 
 
 def state_from_relative_elements(chief: BodyState, elements_m: np.ndarray) -> BodyState:
-    """Return a body's state from the chief's and relative elements; the inverse of `relative_elements_from_states`.
+    """Return a body's inertial state (…, 3) from the chief's and relative elements; the inverse of
+    `relative_elements_from_states`.
 
     Parameters
     ----------

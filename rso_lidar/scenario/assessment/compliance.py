@@ -76,7 +76,7 @@ def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview
     def poses(time_s: np.ndarray) -> PoseTree:
         epochs = Epochs(mission.time.start_utc, time_s)
         with suppress_warnings():
-            return motion.truth(mission.bodies, epochs, **mission.world.keywords).poses
+            return motion.truth(mission.bodies, epochs, **mission.world.motion_arguments).poses
 
     def distance_m(time_s: np.ndarray) -> np.ndarray:
         distance: np.ndarray = np.sqrt(np.sum(_locate(poses(time_s), target, "follower", len(time_s)) ** 2, axis=-1))

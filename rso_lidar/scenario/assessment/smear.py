@@ -29,7 +29,7 @@ def measure_smear(mission: Mission, preview: Preview) -> Smear:
                 motion.compute_demand(
                     mission.pan_tilt,
                     mission.bodies,
-                    motion.truth(mission.bodies, preview.epochs.shift(late_s), **mission.world.keywords),
+                    motion.truth(mission.bodies, preview.epochs.shift(late_s), **mission.world.motion_arguments),
                 )
                 for late_s in (0.0, _RATE_S)
             ]

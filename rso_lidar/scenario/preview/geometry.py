@@ -97,7 +97,7 @@ def preview_mission(mission: Mission, most_epochs: int = _MOST_EPOCHS) -> Previe
         # Warnings of their construction belong to the preview, even where a flight has built them before.
         _ = mission.build_surfaces() if "surfaces" in vars(mission) else mission.surfaces
         with mission.locate_errors():
-            course = motion.truth(mission.bodies, epochs, **mission.world.keywords)
+            course = motion.truth(mission.bodies, epochs, **mission.world.motion_arguments)
             angles, rates, lag_rad = _point_lidar(mission, course)
     poses = motion.add_lidar(course.poses, mission.ptu, angles, rates, mission.lidar.mount)
     receivers = [mission.instrument.at(float(time_s)).receiver for time_s in epochs.time_s]
@@ -121,7 +121,9 @@ def _point_lidar(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarra
     asked = motion.compute_demand(ptu, mission.bodies, course)
     if course.time_s[-1] > ptu.response.preview_limit_s:
         return asked, np.zeros_like(asked), None
-    angles, rates = simulate_drive(ptu, mission.bodies, course, mission.time.start_utc, **mission.world.keywords)
+    angles, rates = simulate_drive(
+        ptu, mission.bodies, course, mission.time.start_utc, **mission.world.motion_arguments
+    )
     missed = np.remainder(angles - asked + np.pi, 2.0 * np.pi) - np.pi
     missed[:, 0] *= np.cos(asked[:, 1])
     return angles, rates, np.hypot(missed[:, 0], missed[:, 1])

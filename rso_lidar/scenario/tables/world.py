@@ -155,7 +155,7 @@ class World(Part):
     )
 
     @property
-    def keywords(self) -> dict[str, Any]:
+    def motion_arguments(self) -> dict[str, Any]:
         """Keyword arguments `local` and `sun_direction` by which `motion` knows the world."""
         return {"local": self.axes == "local", "sun_direction": self.sun_direction}
 

@@ -46,7 +46,7 @@ def find_lobes(points: LocalHits) -> np.ndarray:
 def scatter_per_sr(points: LocalHits, light: np.ndarray, viewer: np.ndarray) -> np.ndarray:
     """Return the BRDF [1/sr] (path) for light from one direction, seen from another; 0 where either is behind the facet.
 
-    On crinkled foil it contains the areas of the cell and the shadows of its neighbours, as in `illumination`.
+    On crinkled foil it contains the areas of the cell and the shadows of its neighbours, as for the light of the laser.
 
     Parameters
     ----------

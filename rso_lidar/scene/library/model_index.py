@@ -62,7 +62,7 @@ class ModelEntry(BaseModel):
         Whether the model is from the user's own library
     """
 
-    model_config = ConfigDict(extra="ignore", allow_inf_nan=False, defer_build=True, frozen=True)
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False, defer_build=True, frozen=True, populate_by_name=True)
 
     name: Text
     file: Text
@@ -81,7 +81,7 @@ class ModelEntry(BaseModel):
     parts: dict[Text, Text]
     part_classes: dict[Text, PartClass] = {}
     taxonomy: Taxonomy
-    hinge: tuple[Hinge, ...] = ()
+    hinges: tuple[Hinge, ...] = Field(default=(), alias="hinge")  # as the tables of the index are called
     symmetry: Symmetry | None = None
     scale: Positive = 1.0
     mesh_axes: Literal["z_up", "y_up"] = "z_up"
@@ -94,11 +94,6 @@ class ModelEntry(BaseModel):
         if any(not 0 <= first <= last for first, last in self.left_out):
             raise ValueError("left_out: the first facet of a run is after its last; exchange them")
         return self
-
-    @property
-    def hinges(self) -> tuple[Hinge, ...]:
-        """Parts that turn: the tables [[model.hinge]] of the index."""
-        return self.hinge
 
     @property
     def mesh(self) -> Mesh:

@@ -151,7 +151,8 @@ class DispersedMission(SavedResult):
             self.tubes, self.table, self.target, self.title, self.keep_out_m, self.hard_body_radius_m
         )
 
-    def _columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the columns of the table by name."""
         return self.table
 
     def save_tubes(self, path: str | Path) -> Path:

@@ -31,7 +31,7 @@ class FlownFrames(ABC):
     def __init__(self, scenario: Scenario, target: str | None, ready: Callable[[], None], n_runs: int = 1) -> None:
         """Start without frames."""
         self.n_runs = n_runs
-        self.scenario, self.number = scenario, find_target(scenario, target, "requirements")
+        self.scenario, self.number = scenario, find_target(scenario, target, "requirements: target")
         self._ready = ready
         self._size_m = bounding_diagonal_m(scenario, self.number)
         self._sums: dict[tuple[int, int], FrameSums] = {}

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from rso_lidar.files import check_writable, format_csv, write_text
+from rso_lidar.files import align_columns, check_writable, format_csv, write_text
 from rso_lidar.study.verification.requirements_file import Requirement
-from rso_lidar.units import align_columns
 
 Verdict = Literal["met", "not met", "not shown"]
 _COLUMNS = (

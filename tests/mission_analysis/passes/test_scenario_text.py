@@ -19,6 +19,6 @@ START = datetime.datetime(2026, 11, 29, tzinfo=datetime.UTC)
         ((6900.0, 7100.0), 6895, 211.0),
     ],
 )
-def test_a_scenario_has_the_encounter_in_its_middle(span_s, begins_s, lasts_s):
+def test_a_scenario_spans_the_encounter_with_margins(span_s, begins_s, lasts_s):
     table, row = SimpleNamespace(start_utc=START), SimpleNamespace(span_s=span_s, time_s=7000.0)
     assert _choose_time(table, row) == (START + datetime.timedelta(seconds=begins_s), lasts_s)
