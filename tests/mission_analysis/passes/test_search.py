@@ -76,6 +76,8 @@ def test_geometry_is_that_of_the_scenario(table):
     number = table.rows.index(nearest(table)) + 1
     row = table.rows[number - 1]
     scenario = rl.Scenario.loads(scenario_text(table, number))
+    # At 2 Hz there would be 1,292 frames, and 1,250 is the most.
+    assert (scenario.time.duration_s, scenario.time.frame_rate_hz) == (646.0, 1.0)
     at_s = (table.start_utc - scenario.time.start_utc).total_seconds() + row.time_s
     truth = motion.truth(scenario.bodies, orbit.Epochs(scenario.time.start_utc, np.array([at_s])))
     name = scenario.target[0].name
