@@ -152,6 +152,7 @@ class Reach:
         """Return which tests reach a line, the nearest and then the quickest first.
 
         A line that runs at import is reached by whatever runs in its module, and by lines elsewhere that hold its name.
+        So is one of a function that keeps what it returns, which only the first test of a process reaches.
         """
         place = _find_place(file, line)
         contexts: set[str] = set()
@@ -162,7 +163,7 @@ class Reach:
             contexts |= self._contexts(file, place.statement)
             if not contexts - {""}:
                 contexts |= self._contexts(file, place.function)
-        if not contexts - {""}:
+        if place.is_kept or not contexts - {""}:
             contexts |= self._contexts(file, _bodies(file))
             for kernel in _kernels():
                 if kernel[0] == file:
@@ -224,12 +225,17 @@ def _bodies(file: str) -> list[int]:
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a line stands: lines of its statement and its function's body, first line of its kernel, names that it gives."""
+    """Where a line stands.
+
+    `statement` and `function` are lines of its statement and of its function's body, `kernel` is the first line of its
+    kernel, `names` are those that it gives, and `is_kept` tells whether its function keeps what it returns.
+    """
 
     statement: range
     function: range | None
     kernel: int | None
     names: set[str]
+    is_kept: bool
 
 
 def _find_place(file: str, line: int) -> _Place:
@@ -247,6 +253,7 @@ def _find_place(file: str, line: int) -> _Place:
         range(functions[-1].body[0].lineno, _end(functions[-1]) + 1) if functions else None,
         next((start for start in starts if (file, start) in _kernels()), None),
         names,
+        any("cache" in ast.dump(decorator) for node in functions for decorator in node.decorator_list),
     )
 
 

@@ -4,6 +4,7 @@ from scipy import stats
 
 from rso_lidar.dataset import compare
 from rso_lidar.dataset.scoring.comparison import correct_by_holm, find_exchange_probability
+from rso_lidar.dataset.scoring.score_figures import _SPAN, draw_comparison
 from rso_lidar.errors import RsoLidarError
 from tests.dataset.scoring.frames import CLASSES, guess_classes, make_card, make_truth
 
@@ -162,3 +163,18 @@ def test_equal_algorithms_are_seldom_called_worse(draws):
 
 def test_a_real_loss_is_found():
     assert rate_of_worse(40, 0.2, draws=2) >= 0.9
+
+
+def test_the_figure_shows_gains_in_half_widths_within_its_span():
+    """The old algorithm guesses better: gains are below zero, and far ones end at the edge."""
+    rng, truth = np.random.default_rng(3), make_truth(400)
+    right, wrong = (guess_classes(truth, share, rng) for share in (0.95, 0.55))
+    comparison = compare(make_card(truth, {"class": wrong}), make_card(truth, {"class": right}))
+    axes = draw_comparison(comparison).axes[0]
+    drawn = [float(container.lines[0].get_xdata()[0]) for container in axes.containers]
+    for place, change in zip(drawn, [c for c in comparison.changes if not np.isnan(c.difference)], strict=True):
+        half = 0.5 * (change.high - change.low)
+        gain = change.difference * (1.0 if change.better == "higher" else -1.0)
+        if half > 0.0:
+            assert place == pytest.approx(np.clip(gain / half, -_SPAN, _SPAN))
+    assert min(drawn) < -1.0

@@ -9,6 +9,7 @@ from rso_lidar.picture.style.figures import (
     SMALL_PT,
     TEXT_PT,
     colour_of,
+    log_ticks,
     new_figure,
     round_down,
     round_up,
@@ -44,3 +45,14 @@ def test_nice_numbers_bracket_a_value_closely(value):
 
 def test_nice_up_of_nothing_is_one():
     assert round_up(0.0) == round_up(float("nan")) == 1.0
+
+
+def test_many_decades_have_powers_of_ten_as_labels_and_few_have_numbers():
+    axes = new_figure(4.0, 3.0, "decades").subplots()
+    labels = {}
+    for decades in (3, 5, 6):
+        axes.set_xscale("log")
+        axes.set_xlim(1.0, 10.0**decades)
+        log_ticks(axes.xaxis, 1.0, 10.0**decades)
+        labels[decades] = axes.xaxis.get_major_formatter()(100.0, 0)
+    assert labels[3] == labels[5] == "100" and "10^{2}" in labels[6]
