@@ -345,7 +345,12 @@ def _new(place: Path, keep_suffix: bool) -> tuple[Path, IO[bytes]]:
 
 
 def align_columns(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
-    """Return rows of cells as lines with aligned columns; those numbered in `left` align to the left, others to the right.
+    """Return rows of cells as lines with aligned columns.
+
+    Parameters
+    ----------
+    rows : cells, as many in each row
+    left : numbers of the columns that align to the left; others align to the right
 
     >>> align_columns([("name", "m"), ("a", "10")])
     ['name   m', 'a     10']
