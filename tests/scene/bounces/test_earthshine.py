@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar import scene
 from rso_lidar.errors import ScenarioError
+from rso_lidar.scene.bounces.earthshine import locate_earth
 
 SETTINGS = ("world.earth_albedo=0.3", "lidar.receiver.filter_width_nm=1", "time.duration_s=10")
 
@@ -47,7 +47,7 @@ def test_below_the_surface_there_is_no_earth(position_m):
     surface = scenario.surfaces[0]
     buried = rl.records.BodyState(np.array(position_m), np.zeros(3))
     truth = rl.records.Truth(truth.time_s, truth.poses, {surface.body: buried}, truth.sun_direction)
-    assert scene.bounces.earthshine.locate_earth(surface, truth) is None
+    assert locate_earth(surface, truth) is None
 
 
 @pytest.mark.parametrize("value", ["1.5", "-0.1", "'0.3'", "true", "nan", "[0.3]"])
