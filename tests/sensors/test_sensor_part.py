@@ -5,7 +5,7 @@ import pytest
 
 from rso_lidar import sensors
 from rso_lidar.errors import ScenarioError
-from rso_lidar.records import BodyState, specs
+from rso_lidar.records import BodyState, SensorSamples, specs
 from rso_lidar.sensors.sensor_part import flicker, gauss_markov_allan_variance
 from tests.sensors.motion_for_tests import make_motion
 
@@ -67,7 +67,7 @@ def test_samples_do_not_depend_on_how_they_are_divided(sensor):
         for name in specs(type(whole)):
             np.testing.assert_array_equal(getattr(samples, name), getattr(whole, name)[part], err_msg=name)
     assert whole.valid.any()
-    measured = [name for name in specs(type(whole)) if name not in specs(sensors.choice.SensorSamples)]
+    measured = [name for name in specs(type(whole)) if name not in specs(SensorSamples)]
     assert all(np.isfinite(getattr(whole, name)[whole.valid]).all() for name in measured)
 
 
