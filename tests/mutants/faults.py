@@ -8,6 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path(__file__).resolve().parent
+PACKAGE = "rso_lidar"
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.mutants.faults import PACKAGE, ROOT
+
 FOLDER = ROOT / "out" / "reach"
-PACKAGE = "rso_lidar"
 _FUNCTION = ast.FunctionDef | ast.AsyncFunctionDef
 SETTINGS = f"""\
 [run]

@@ -2,8 +2,7 @@
 
 Each line of code that can go wrong has a rank, a hash of `SEED`, of its text and of where it stands; the first `SIZE` lines
 are the sample, with one fault each. A change of the package thus replaces the faults of the lines that it changes, and no
-others. A fault is named by this hash and by what it
-changes. `sample.toml` names those that no test can see, and says why.
+others. A fault is named by this hash and by what it changes. `sample.toml` names those that no test can see, and says why.
 """
 
 import ast
@@ -16,11 +15,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import accumulate, islice, pairwise
 
-from tests.mutants.faults import FOLDER, ROOT, Fault
+from tests.mutants.faults import FOLDER, PACKAGE, ROOT, Fault
 
 SEED = 20261129
 SIZE = 300
-PACKAGE = "rso_lidar"
 
 _ARITHMETIC = {
     ast.Add: ("+", "-"),

@@ -22,7 +22,12 @@ from rso_lidar.evaluation.orbit_determination.recorded_measurements import (
     read_gnss,
     read_gnss_errors,
 )
-from rso_lidar.evaluation.recorded_runs.flown_scenario import find_target, load_scenario, load_surfaces, sample_target
+from rso_lidar.evaluation.recorded_runs.flown_scenario import (
+    find_recorded_target,
+    load_scenario,
+    load_surfaces,
+    sample_target,
+)
 from rso_lidar.evaluation.track_quality.own_knowledge import list_known_burns
 from rso_lidar.evaluation.track_quality.range_noise import estimate_range_noise_m
 from rso_lidar.orbit import Forces
@@ -186,7 +191,7 @@ def fit_relative_orbit(
     """
     scenario = _check_frames(frames, folder)
     source = frames[0].source
-    number = find_target(source, target, "fit")
+    number = find_recorded_target(source, target, "fit")
     name = source.targets[number].name
     attitude = find_attitude(scenario, frames, known_attitude=known_attitude)
     if attitude is None:

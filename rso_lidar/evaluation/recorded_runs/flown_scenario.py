@@ -54,7 +54,7 @@ def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str
     return surfaces
 
 
-def find_target(source: Source, target: str | None, asked_by: str) -> int:
+def find_recorded_target(source: Source, target: str | None, asked_by: str) -> int:
     """Find the index of a target by name (None: the first).
 
     Raises

@@ -14,7 +14,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.evaluation.recorded_runs.flown_scenario import find_target, load_scenario, load_surfaces, sample_target
+from rso_lidar.evaluation.recorded_runs.flown_scenario import (
+    find_recorded_target,
+    load_scenario,
+    load_surfaces,
+    sample_target,
+)
 from rso_lidar.evaluation.track_quality.own_knowledge import (
     find_measured_mount,
     find_pointing_error_rad,
@@ -125,7 +130,7 @@ def tracking(
         raise RecordingError("track: the recording has no frames; record some")
     source = frames[0].source
     scenario = load_scenario(source, folder)
-    number = find_target(source, target, "track")
+    number = find_recorded_target(source, target, "track")
     name = source.targets[number].name
     load_surfaces(scenario, source, number, "track")  # raises where the mesh is not the recorded one
     model = sample_target(scenario, number, hinged=hinges)
