@@ -1,4 +1,4 @@
-"""Sampling of the pixels with rays: cast in rounds until the light of each pixel is known, or once on a fixed grid."""
+"""Sampling of the pixels with rays: one in each interval that contours cut from scan lines, or on a fixed grid."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from rso_lidar import optics, scene
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Hits, Rays, Truth
 from rso_lidar.scene import Surface
+
+_CREASE = 5.0  # least relative step of light between two facets that counts as a contour, over the error asked for
 
 
 def cast_pixels(
@@ -40,10 +42,8 @@ def cast_pixels(
     if receiver.rays_per_pixel is not None:
         hits = cast(optics.pixel_rays(receiver, laser, extent))
         return optics.estimate_grid_variance(hits, optics.pixel_photons(hits, laser, receiver), receiver)
-    is_textured = any(surface.crinkled for surface in surfaces)
-    contours = scene.contours(surfaces, truth)
-    sampling = optics.AdaptiveSampling(receiver, laser, extent, contours, is_textured=is_textured)
-    while (rays := sampling.next_rays()) is not None:
-        hits = cast(rays)
-        sampling.add(hits, optics.pixel_photons(hits, laser, receiver))
-    return sampling.join_hits()
+    contours = scene.contours(surfaces, truth, least_crease=_CREASE * receiver.sampling_error)
+    texture = scene.find_textures(surfaces, truth)
+    lines = optics.lay_scan_lines(receiver, laser, extent, contours, texture)
+    hits = cast(lines.rays)
+    return lines.estimate_variance(hits, optics.pixel_photons(hits, laser, receiver))

@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from rso_lidar.optics.lens.internal_reflections import Ghost
     from rso_lidar.optics.lens.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
     from rso_lidar.optics.lens.surface_scatter import Baffle, Glare
-    from rso_lidar.optics.rays.adaptive import AdaptiveSampling
     from rso_lidar.optics.rays.grid_error import estimate_grid_variance
     from rso_lidar.optics.rays.pixel_rays import pixel_rays
+    from rso_lidar.optics.rays.scan_lines import ScanLines, lay_scan_lines
     from rso_lidar.optics.receiver import Receiver
     from rso_lidar.optics.returns.blur import read_files
     from rso_lidar.optics.returns.pulse_average import assign_pulses, average_pulses
@@ -26,7 +26,6 @@ else:
 
 __all__ = [
     "STRAY_BODIES",
-    "AdaptiveSampling",
     "AiryPsf",
     "Baffle",
     "BrownConrady",
@@ -38,6 +37,7 @@ __all__ = [
     "GridPsf",
     "Laser",
     "Receiver",
+    "ScanLines",
     "ZemaxDistortion",
     "ZemaxPsf",
     "add_stray_light",
@@ -45,6 +45,7 @@ __all__ = [
     "average_pulses",
     "collect",
     "estimate_grid_variance",
+    "lay_scan_lines",
     "oversample",
     "pixel_photons",
     "pixel_rays",

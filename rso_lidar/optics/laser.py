@@ -265,6 +265,11 @@ class Laser(Part):
         density: np.ndarray = np.where(self.is_lit(x, y), self._pattern[row, col] * (self.photons / cell), 0.0)
         return density
 
+    @property
+    def cell_tangent(self) -> float:
+        """Side of a cell of a measured pattern in the tangent plane."""
+        return 2.0 * self.half_width_tangent / max(self._pattern.shape)
+
     @cached_property
     def _pattern(self) -> np.ndarray:
         assert self.pattern_file is not None

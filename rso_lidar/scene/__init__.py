@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from rso_lidar.scene.bounces.bounce import bounce
     from rso_lidar.scene.bounces.earthshine import add_earthshine
     from rso_lidar.scene.casting.cast import cast
-    from rso_lidar.scene.casting.contours import contours
+    from rso_lidar.scene.casting.contours import contours, find_textures
     from rso_lidar.scene.casting.extent import extent
     from rso_lidar.scene.casting.shadows import find_hidden
     from rso_lidar.scene.embree.engine import engine
@@ -86,6 +86,7 @@ __all__ = [
     "extent",
     "find_hidden",
     "find_material",
+    "find_textures",
     "find_top_heights",
     "is_mesh_path",
     "label",

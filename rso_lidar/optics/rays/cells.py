@@ -27,7 +27,7 @@ class Outlines(NamedTuple):
     of: np.ndarray
 
 
-def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarray:
+def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float, k: int) -> np.ndarray:
     """Return each target's bounds (target, low_high, row_col) in cells; whole numbers are cell edges.
 
     A box reaches beyond the focal plane where the target does. It is empty where low > high.
@@ -36,9 +36,10 @@ def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarr
     ----------
     extent : bounds of the targets in the tangent plane
     reach : what lies farther from the boresight, in the tangent plane, does not count
+    k : cells along each side of a pixel
     """
     if receiver.distortion is None:
-        k, (n_rows, n_cols) = receiver.rays_per_side, receiver.shape
+        n_rows, n_cols = receiver.shape
         scale = k / receiver.pixel_tangent
         return packed(
             straight_boxes(packed(extent.low), packed(extent.high), reach, scale, 0.5 * k * n_rows, 0.5 * k * n_cols)
@@ -50,9 +51,9 @@ def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarr
     boxes[empty] = [[1.0, 1.0], [0.0, 0.0]]
     within = np.clip(ends[~empty], -receiver.field_edge, receiver.field_edge)
     corners = np.stack([within[:, [0, 1, 1, 0], 0], within[:, [0, 0, 1, 1], 1]], axis=-1).reshape(-1, 2)
-    cells, off = _bend_outlines(corners, np.arange(0, len(corners) + 1, 4), receiver)
+    cells, off = _bend_outlines(corners, np.arange(0, len(corners) + 1, 4), receiver, k)
     cells = cells.reshape(-1, 4 * _BEND, 2)
-    beyond = (ends[~empty] - within)[..., ::-1] * (receiver.rays_per_side / receiver.pixel_tangent)
+    beyond = (ends[~empty] - within)[..., ::-1] * (k / receiver.pixel_tangent)
     boxes[~empty] = np.stack([cells.min(axis=1) - off[:, None], cells.max(axis=1) + off[:, None]], axis=1) + beyond
     return packed(boxes)
 
@@ -79,8 +80,8 @@ def straight_boxes(
     return boxes
 
 
-def outlines_in_cells(receiver: Receiver, extent: Extent) -> Outlines:
-    """Return the outlines of all targets in cells."""
+def outlines_in_cells(receiver: Receiver, extent: Extent, k: int) -> Outlines:
+    """Return the outlines of all targets in cells, k along each side of a pixel."""
     of = np.full((len(extent.low), 2), -1, np.int64)
     every: list[np.ndarray] = []
     for t, outlines in enumerate(extent.outlines or ()):
@@ -93,9 +94,9 @@ def outlines_in_cells(receiver: Receiver, extent: Extent) -> Outlines:
     starts = np.array(list(accumulate(map(len, every), initial=0)), np.int64)
     corners = np.concatenate(every) if every else np.empty((0, 2))
     if bent:
-        cells, off = _bend_outlines(corners, starts, receiver)
+        cells, off = _bend_outlines(corners, starts, receiver, k)
         return Outlines(packed(cells), packed(_BEND * starts), packed(off), packed(of))
-    return Outlines(packed(_in_cells(corners, receiver)), packed(starts), packed(np.zeros(len(every))), packed(of))
+    return Outlines(packed(_in_cells(corners, receiver, k)), packed(starts), packed(np.zeros(len(every))), packed(of))
 
 
 def tangents_of_cells(receiver: Receiver, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -162,12 +163,11 @@ def _bent_cells(receiver: Receiver) -> _BentCells:
     return _BentCells(receiver)
 
 
-def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
+def _in_cells(points: np.ndarray, receiver: Receiver, k: int) -> np.ndarray:
     """Return points of the tangent plane (…, right_down) as cells (…, row_col); whole numbers are cell edges.
 
     A distortion is undefined outside the field. There the cells continue evenly.
     """
-    k = receiver.rays_per_side
     if receiver.distortion is None:
         straight: np.ndarray = points[..., ::-1] * (k / receiver.pixel_tangent)
         straight += (0.5 * k * receiver.n_rows, 0.5 * k * receiver.n_cols)
@@ -180,7 +180,9 @@ def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
     return cells
 
 
-def _bend_outlines(corners: np.ndarray, starts: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
+def _bend_outlines(
+    corners: np.ndarray, starts: np.ndarray, receiver: Receiver, k: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Image outlines through a lens with distortion, at `_BEND` points for each corner.
 
     Parameters
@@ -197,7 +199,7 @@ def _bend_outlines(corners: np.ndarray, starts: np.ndarray, receiver: Receiver) 
     following[starts[1:][sizes > 0] - 1] = starts[:-1][sizes > 0]
     share = (np.arange(_BEND) / _BEND)[:, None]
     along = corners[:, None] + share * (corners[following] - corners)[:, None]
-    cells = _in_cells(along, receiver)
+    cells = _in_cells(along, receiver, k)
     even, odd = cells[:, ::2], cells[:, 1::2]
     chords = 0.5 * (even + np.concatenate([even[:, 1:], even[following, :1]], axis=1))
     # Over half the length, the sagitta of a smooth curve is a quarter; twice that is a safe bound.

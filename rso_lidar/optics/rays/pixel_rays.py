@@ -35,12 +35,12 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
     Rays ordered by pixel.
     """
     k, shape = receiver.rays_per_side, receiver.shape
-    boxes = boxes_in_cells(receiver, extent, np.inf)
+    boxes = boxes_in_cells(receiver, extent, np.inf, k)
     fineness = find_fineness(boxes, receiver.min_rays_per_target)
     if laser.footprint != "gaussian" and laser.offset is None and receiver.filter_width_nm is None:
         # One cell more than is lit: the edge's cells keep a share even where their centre is dark.
-        boxes = boxes_in_cells(receiver, extent, laser.half_width_tangent + receiver.pixel_tangent / k)
-    targets = boxes, packed(fineness), *outlines_in_cells(receiver, extent)
+        boxes = boxes_in_cells(receiver, extent, laser.half_width_tangent + receiver.pixel_tangent / k, k)
+    targets = boxes, packed(fineness), *outlines_in_cells(receiver, extent, k)
     owner, first_row, first_col, single = find_owners(*targets, k, *shape)
     owner = packed(owner)
     if single == shape[0] * shape[1] * k * k:

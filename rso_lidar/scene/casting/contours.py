@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.records import Contours, Truth
 from rso_lidar.scene.surfaces.geometry_cache import GeometryCache
@@ -32,8 +33,8 @@ class FacetEdges:
     beyond: np.ndarray
 
 
-def contours(surfaces: Sequence[Surface], truth: Truth) -> Contours:
-    """Find the contours of all surfaces: rims, folds where a facet hides its neighbour, and visible creases.
+def contours(surfaces: Sequence[Surface], truth: Truth, least_crease: float = 0.1) -> Contours:
+    """Find the contours of all surfaces: rims, folds where a facet hides its neighbour, and creases between facets.
 
     Whether another facet hides a contour is not examined.
 
@@ -41,6 +42,7 @@ def contours(surfaces: Sequence[Surface], truth: Truth) -> Contours:
     ----------
     surfaces : surfaces of all targets
     truth : where they are at one epoch
+    least_crease : a crease counts if the brightness of its facets differs by at least this share of the brighter one
 
     Returns
     -------
@@ -59,12 +61,34 @@ def contours(surfaces: Sequence[Surface], truth: Truth) -> Contours:
             packed(position),
         )
         ends, step = project_edges(
-            edges.points, edges.ends, edges.facets, edges.beyond, brightness, packed(translation), packed(matrix)
+            edges.points,
+            edges.ends,
+            edges.facets,
+            edges.beyond,
+            brightness,
+            packed(translation),
+            packed(matrix),
+            least_crease,
         )
         lines.append(ends)
         steps.append(step)
         numbers.append(np.full(len(step), number, np.int16))
     return Contours(np.concatenate(lines), np.concatenate(steps), np.concatenate(numbers))
+
+
+def find_textures(surfaces: Sequence[Surface], truth: Truth) -> np.ndarray:
+    """Return the size in the tangent plane of the cells of crinkled foil of each surface, where it is farthest (surface).
+
+    It is infinite for a surface without foil.
+    """
+    sizes = np.full(len(surfaces), np.inf)
+    for number, surface in enumerate(surfaces):
+        cells_m = [surface.materials[k].cell_mm * units.MM for k in surface.crinkled if (surface.finish == k).any()]
+        if cells_m:
+            centre, radius_m = surface.sphere
+            distance_m = float(np.linalg.norm(truth.poses.place(surface.name, "lidar")[0] - centre))
+            sizes[number] = min(cells_m) / (distance_m + radius_m)
+    return sizes
 
 
 @kernel
@@ -100,34 +124,37 @@ def project_edges(
     brightness: np.ndarray,
     translation: np.ndarray,
     matrix: np.ndarray,
+    least_crease: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Project the edges that change the brightness of the image.
 
     An edge of two facets is a fold if both are on one side of it in the image; then the brighter one ends there.
-    Otherwise it is a crease between the two.
+    Otherwise it is a crease between the two. An edge that reaches behind the lidar is cut at its plane.
 
     Parameters
     ----------
     points, ends, facets, beyond : edges, as in `FacetEdges`
     brightness : (facet) as `estimate_brightness` returns it
+    least_crease : least relative step of a crease
 
     Returns
     -------
     Right and down of the first end, then of the second (contour, 4), and the step of brightness (contour).
     """
     n = len(points)
-    right, down, is_ahead = np.empty(n), np.empty(n), np.empty(n, np.bool_)
+    x, y, z = np.empty(n), np.empty(n), np.empty(n)
+    right, down = np.empty(n), np.empty(n)
     for i in range(n):
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        depth = matrix[2, 0] * px + matrix[2, 1] * py + matrix[2, 2] * pz + translation[2]
-        is_ahead[i] = depth > _LEAST_DEPTH_M
-        depth = max(depth, _LEAST_DEPTH_M)
-        right[i] = (matrix[0, 0] * px + matrix[0, 1] * py + matrix[0, 2] * pz + translation[0]) / depth
-        down[i] = (matrix[1, 0] * px + matrix[1, 1] * py + matrix[1, 2] * pz + translation[1]) / depth
+        x[i] = matrix[0, 0] * px + matrix[0, 1] * py + matrix[0, 2] * pz + translation[0]
+        y[i] = matrix[1, 0] * px + matrix[1, 1] * py + matrix[1, 2] * pz + translation[1]
+        z[i] = matrix[2, 0] * px + matrix[2, 1] * py + matrix[2, 2] * pz + translation[2]
+        depth = max(z[i], _LEAST_DEPTH_M)
+        right[i], down[i] = x[i] / depth, y[i] / depth
     lines, steps, count = np.empty((len(ends), 4)), np.empty(len(ends)), 0
     for e in range(len(ends)):
         a, b = ends[e, 0], ends[e, 1]
-        if not (is_ahead[a] and is_ahead[b]):
+        if max(z[a], z[b]) <= _LEAST_DEPTH_M:
             continue
         step = brightness[facets[e, 0]]
         if facets[e, 1] >= 0:
@@ -136,11 +163,21 @@ def project_edges(
             across, along = right[b] - right[a], down[b] - down[a]
             side_c = across * (down[c] - down[a]) - along * (right[c] - right[a])
             side_d = across * (down[d] - down[a]) - along * (right[d] - right[a])
+            brighter = max(step, other)
+            step = brighter
             if side_c * side_d < 0.0:
-                continue
-            step = max(step, other)
+                step = abs(brightness[facets[e, 0]] - other)
+                if step < least_crease * brighter:
+                    continue
         if step > 0.0:
-            lines[count, 0], lines[count, 1], lines[count, 2], lines[count, 3] = right[a], down[a], right[b], down[b]
+            line = lines[count]
+            line[0], line[1], line[2], line[3] = right[a], down[a], right[b], down[b]
+            for end in range(2):
+                behind, ahead = (a, b) if end == 0 else (b, a)
+                if z[behind] < _LEAST_DEPTH_M:
+                    share = (_LEAST_DEPTH_M - z[behind]) / (z[ahead] - z[behind])
+                    line[2 * end] = (x[behind] + share * (x[ahead] - x[behind])) / _LEAST_DEPTH_M
+                    line[2 * end + 1] = (y[behind] + share * (y[ahead] - y[behind])) / _LEAST_DEPTH_M
             steps[count] = step
             count += 1
     return lines[:count].copy(), steps[:count].copy()

@@ -1,0 +1,124 @@
+"""Images of contours on the focal plane: edges of targets, and those of the beam."""
+
+import math
+
+import numpy as np
+
+from rso_lidar.kernels import kernel, packed
+from rso_lidar.optics.laser import Laser
+from rso_lidar.optics.receiver import Receiver
+from rso_lidar.records import Contours
+
+_SIDES_OF_CIRCLE = 96  # of the polygon of the same area that stands for a round beam's edge
+_PIECES_OF_BENT = 8  # of a contour, behind a lens that distorts
+_RINGS = 12  # contours of equal steps that stand for the profile of a narrow Gaussian beam
+_NARROW = 2.0  # pixels: half the width of a Gaussian beam that needs them
+GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
+
+
+def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tuple[np.ndarray, np.ndarray]:
+    """Image the contours of targets and the edge of the beam onto the focal plane.
+
+    Parameters
+    ----------
+    receiver, laser : the instrument
+    contours : contours in the tangent plane
+
+    Returns
+    -------
+    Columns and rows of both ends (contour, 4) [pixels], and steps of light (contour) [photons of a whole pixel].
+    """
+    gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
+    steps = contours.step_per_sr_m2 * (laser.density_on_axis * gathered)
+    edge, share = _outline_beam(laser, receiver)
+    typical = float(np.median(steps)) if len(steps) else 1.0
+    ends, steps = np.concatenate([contours.ends, edge]), np.concatenate([steps, typical * share])
+    if receiver.distortion is not None:
+        at = np.arange(_PIECES_OF_BENT + 1) / _PIECES_OF_BENT
+        right, down = (ends[:, [axis]] + at * (ends[:, [axis + 2]] - ends[:, [axis]]) for axis in (0, 1))
+        ends = np.stack([right[:, :-1], down[:, :-1], right[:, 1:], down[:, 1:]], axis=-1).reshape(-1, 4)
+        steps = np.repeat(steps, _PIECES_OF_BENT)
+    images = np.empty_like(ends)
+    for end in (0, 2):
+        x, y = (np.clip(ends[:, end + axis], -1e6, 1e6) for axis in (0, 1))
+        images[:, end], images[:, end + 1] = receiver.image_of(x, y)
+    return packed(images), packed(steps)
+
+
+def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
+    """Return the edge of the beam as contours (contour, 4) in the tangent plane, and their steps over the beam's light.
+
+    A Gaussian beam has no edge. Where it is narrow, rings at equal steps of its light stand for it.
+    """
+    half_width = laser.half_width_tangent
+    if laser.offset is not None or half_width > 1.5 * receiver.field_edge.max():
+        return np.empty((0, 4)), np.empty(0)
+    radii, corners, first = np.array([half_width]), _SIDES_OF_CIRCLE, 0.0
+    if laser.footprint == "gaussian":
+        if half_width > _NARROW * receiver.pixel_tangent:
+            return np.empty((0, 4)), np.empty(0)
+        radii = half_width * np.sqrt(-0.5 * np.log((np.arange(_RINGS) + 0.5) / _RINGS))
+    elif laser.footprint != "circle":
+        radii, corners, first = radii * math.sqrt(2.0), 4, 0.25 * math.pi
+    if corners > 4:
+        radii = radii * math.sqrt(2.0 * math.pi / (corners * math.sin(2.0 * math.pi / corners)))
+    angle = first + np.arange(corners) * (2.0 * math.pi / corners)
+    right, down = radii[:, None] * np.cos(angle), radii[:, None] * np.sin(angle)
+    ends = np.stack([right, down, np.roll(right, -1, axis=1), np.roll(down, -1, axis=1)], axis=-1).reshape(-1, 4)
+    return ends, np.full(len(ends), 1.0 / len(radii))
+
+
+@kernel
+def cut_contours(
+    ends: np.ndarray, steps: np.ndarray, window: tuple[int, int, int, int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cut contours into the pieces that lie within single pixels.
+
+    Parameters
+    ----------
+    ends : (contour, 4) column and row of the first end, then of the second [pixels]
+    steps : (contour) steps of light
+    window : first row of pixels, one past the last, and columns alike; pieces outside are left out
+
+    Returns
+    -------
+    Where the pieces of each pixel of the window begin (pixel + 1), row by row. Column and row of both ends, within their
+    pixel, the upper end first (piece, 4). Steps (piece).
+    """
+    top, bottom, left, right = window
+    n_rows, n_cols = bottom - top, right - left
+    starts = np.zeros(n_rows * n_cols + 1, np.int64)
+    pieces, strength = np.empty((0, 4)), np.empty(0)
+    for is_filling in (False, True):
+        if is_filling:
+            total = 0
+            for p in range(len(starts)):
+                starts[p], total = total, total + starts[p]
+            pieces, strength = np.empty((total, 4)), np.empty(total)
+        for s in range(len(ends)):
+            x0, y0, x1, y1 = ends[s, 0] - left, ends[s, 1] - top, ends[s, 2] - left, ends[s, 3] - top
+            if y1 < y0:
+                x0, y0, x1, y1 = x1, y1, x0, y0
+            if y1 <= 0.0 or y0 >= n_rows or max(x0, x1) <= 0.0 or min(x0, x1) >= n_cols:
+                continue
+            slope = (x1 - x0) / (y1 - y0) if y1 > y0 else 0.0
+            for row in range(max(0, math.floor(y0)), min(n_rows - 1, math.floor(y1)) + 1):
+                up, down = max(y0, float(row)), min(y1, row + 1.0)
+                begin = x0 + (up - y0) * slope
+                end = x0 + (down - y0) * slope if down < y1 else x1
+                low, high = min(begin, end), max(begin, end)
+                for col in range(max(0, math.floor(low)), min(n_cols - 1, math.floor(high)) + 1):
+                    pixel = row * n_cols + col
+                    if is_filling:
+                        piece = pieces[starts[pixel]]
+                        piece[0], piece[2] = min(max(begin - col, 0.0), 1.0), min(max(end - col, 0.0), 1.0)
+                        piece[1], piece[3] = up - row, down - row
+                        if high > low:
+                            rise = (down - up) / (end - begin)
+                            piece[1] = min(max(up - row + (piece[0] + col - begin) * rise, 0.0), 1.0)
+                            piece[3] = min(max(up - row + (piece[2] + col - begin) * rise, 0.0), 1.0)
+                        strength[starts[pixel]] = steps[s]
+                    starts[pixel] += 1
+    starts[1:] = starts[:-1].copy()
+    starts[0] = 0
+    return starts, pieces, strength
