@@ -15,8 +15,9 @@ from rso_lidar.optics.rays.slabs import correct_variance, place_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays
 
-_AIM = 4.0  # error of a pixel if none of its contours were hidden, over the error asked for
-_NARROW = 2.5  # width of intervals that share a ray, over the error asked for
+_AIM = 6.0  # error of a pixel if none of its contours were hidden, over the error asked for
+_NARROW = 4.0  # width of intervals that share a ray, over the error asked for
+_STEEP = 2.5  # width of a contour whose ends count, over the error asked for
 _PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.5, 0.15, 0.1
 _MOST_PER_SIDE = 32
 _ERROR_OF_CELLS = 0.54
@@ -88,7 +89,16 @@ def lay_scan_lines(
     sides = np.where((owner == 0) | is_crossed, least, 0)
     sides[owner > 0] = per_side[owner[owner > 0] - 1]
     point, pixel, weight, jump, known = place_rays(
-        starts, pieces, steps, packed(sides), top, left, n_cols, _AIM * error, min(_NARROW * error, 0.125)
+        starts,
+        pieces,
+        steps,
+        packed(sides),
+        top,
+        left,
+        n_cols,
+        _AIM * error,
+        min(_NARROW * error, 0.125),
+        _STEEP * error,
     )
     direction = np.empty((3, len(pixel)))
     direction[0], direction[1] = receiver.tangents_at(point[0], point[1])

@@ -12,22 +12,29 @@ import numpy as np
 from rso_lidar.kernels import kernel
 
 # Choices between error and time, as docs/physics.md states them:
-_ALL_EVENTS = 12  # so many ends of contours in a pixel may all be edges of slabs
-_FIRST_SLABS, _MOST_SLABS = 6, 64  # with more ends
+_ALL_EVENTS = 8  # so many ends of contours in a pixel may all be edges of slabs
+_FIRST_SLABS, _MOST_SLABS = 4, 64  # with more ends
 _BINS = 64  # of rows, in which the ends of contours are sorted
-_FEW_INTERVALS = 8  # of a line that all get a ray, however narrow they are
-_WIDE = 0.5  # pixels: wider intervals and taller slabs get two rays or lines, at the points of Gauss
+_FEW_INTERVALS = 6  # of a line that all get a ray, however narrow they are
 _GAUSS = 0.5 - 0.5 / math.sqrt(3.0)
 _GOLDEN = 0.6180339887498949  # steps of a sequence that fills an interval evenly
 _SAME = 1e-6  # pixels: nearer ends are one
 # How a ray follows the one before it, in `jump`: the line's first, the second of a pair, one of many in a texture. A
 # positive number is the step of the contour between the two.
 LINE, PAIR, TEXTURE = -1.0, 0.0, -2.0
+NOISE_SHARE = 1.0 / 3.0  # of its photon noise: so much error a pixel may have in any case
 
 
 @kernel
 def choose_slabs(
-    pieces: np.ndarray, steps: np.ndarray, begin: int, end: int, error: float, edges: np.ndarray, room: np.ndarray
+    pieces: np.ndarray,
+    steps: np.ndarray,
+    begin: int,
+    end: int,
+    error: float,
+    steep: float,
+    edges: np.ndarray,
+    room: np.ndarray,
 ) -> tuple[int, float]:
     """Choose the slabs of a pixel.
 
@@ -36,6 +43,7 @@ def choose_slabs(
     pieces, steps : pieces of contours, as `contour_images.cut_contours` returns them
     begin, end : the pixel's pieces
     error : relative error of the pixel's light that is aimed at
+    steep : the ends of a contour do not count whose width times step is below this share of the greatest step
     edges : (edge), written: edges of the slabs, from 0 to 1
     room : (3, bin), at least `_BINS`, overwritten
 
@@ -47,24 +55,28 @@ def choose_slabs(
     if begin == end:
         return 1, 0.0
     top, bottom, left, right, brightest = 1.0, 0.0, 1.0, 0.0, 0.0
-    events = 0  # ends of contours at different rows, the upper ones sorted in `edges`
     for i in range(begin, end):
         brightest = max(brightest, steps[i])
         left, right = min(left, pieces[i, 0], pieces[i, 2]), max(right, pieces[i, 0], pieces[i, 2])
+        top, bottom = min(top, pieces[i, 1]), max(bottom, pieces[i, 3])
+    events = 0  # ends of contours at different rows, sorted in `edges`
+    for i in range(begin, end):
+        if steps[i] * abs(pieces[i, 2] - pieces[i, 0]) < steep * brightest * (right - left):
+            continue
         for y in (pieces[i, 1], pieces[i, 3]):
-            top, bottom = min(top, y), max(bottom, y)
-            if events <= _ALL_EVENTS:
-                at = events + 1
-                while edges[at - 1] > y:
-                    at -= 1
-                if y - edges[at - 1] > _SAME and (at > events or edges[at] - y > _SAME) and y < 1.0 - _SAME:
-                    for j in range(events, at - 1, -1):
-                        edges[j + 1] = edges[j]
-                    edges[at] = y
-                    events += 1
+            at = events + 1
+            while edges[at - 1] > y:
+                at -= 1
+            if y - edges[at - 1] > _SAME and (at > events or edges[at] - y > _SAME) and y < 1.0 - _SAME:
+                for j in range(events, at - 1, -1):
+                    edges[j + 1] = edges[j]
+                edges[at] = y
+                events += 1
+        if events > _ALL_EVENTS:
+            break
     if events <= _ALL_EVENTS:
         edges[events + 1] = 1.0
-        return events + 1, 0.0
+        return events + 1, estimate_slabs(pieces, steps, begin, end, edges, events + 1)
     expected = 0.5 * brightest * max((right - left) * (bottom - top), 1e-6)
     allowed = max(error * expected, math.sqrt(max(expected, 1.0)) * NOISE_SHARE) ** 2
     total, largest, row = room[0], room[1], room[2]
@@ -96,9 +108,6 @@ def choose_slabs(
             break
         wanted = min(_MOST_SLABS, int(wanted * math.sqrt(variance / allowed)) + 2)
     return slabs, variance
-
-
-NOISE_SHARE = 1.0 / 3.0  # of its photon noise: so much error a pixel may have in any case
 
 
 @kernel
@@ -133,6 +142,90 @@ def estimate_slabs(pieces: np.ndarray, steps: np.ndarray, begin: int, end: int, 
 
 
 @kernel
+def lay_lines(edges: np.ndarray, slabs: int, sides: int, row: np.ndarray, height: np.ndarray) -> int:
+    """Lay one line or several through each slab of a pixel; return how many there are.
+
+    Parameters
+    ----------
+    edges, slabs : as `choose_slabs` leaves them
+    sides : rays along the side of a pixel that no contour crosses
+    row, height : (line), written: where each line is, and the height that it stands for [pixels]
+    """
+    n = 0
+    for slab in range(slabs):
+        top, tall = edges[slab], edges[slab + 1] - edges[slab]
+        lines = max(1, math.ceil(tall * sides - _SAME))
+        for line in range(lines):
+            at = (line + 0.5) / lines
+            if lines == 2:
+                at = _GAUSS if line == 0 else 1.0 - _GAUSS
+            row[n], height[n] = top + tall * at, tall / lines
+            n += 1
+    return n
+
+
+@kernel
+def cross_lines(
+    pieces: np.ndarray,
+    begin: int,
+    end: int,
+    row: np.ndarray,
+    lines: int,
+    starts: np.ndarray,
+    crossing: np.ndarray,
+    by: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find where the lines of a pixel cross contours.
+
+    Parameters
+    ----------
+    begin, end : the pixel's pieces
+    row, lines : as `lay_lines` leaves them
+    starts : (line + 1), written: where the crossings of each line begin
+    crossing, by : (crossing), overwritten if they are long enough
+
+    Returns
+    -------
+    Columns of the crossings, sorted along each line, and the numbers of the pieces (crossing).
+    """
+    for line in range(lines + 1):
+        starts[line] = 0
+    total = 0
+    for is_filling in (False, True):
+        if is_filling:
+            for line in range(lines):
+                starts[line], total = total, total + starts[line]
+            if total > len(crossing):
+                crossing, by = np.empty(2 * total), np.empty(2 * total, np.int64)
+        for i in range(begin, end):
+            upper, lower = pieces[i, 1], pieces[i, 3]
+            line, stop = 0, lines  # the first line below the piece's upper end
+            while line < stop:
+                middle = (line + stop) // 2
+                if row[middle] <= upper:
+                    line = middle + 1
+                else:
+                    stop = middle
+            while line < lines and row[line] <= lower:
+                if is_filling:
+                    lean = (pieces[i, 2] - pieces[i, 0]) / (lower - upper)
+                    crossing[starts[line]], by[starts[line]] = pieces[i, 0] + lean * (row[line] - upper), i
+                starts[line] += 1
+                line += 1
+    for line in range(lines, 0, -1):
+        starts[line] = starts[line - 1]
+    starts[0] = 0
+    for line in range(lines):
+        for k in range(starts[line] + 1, starts[line + 1]):
+            x, piece, at = crossing[k], by[k], k
+            while at > starts[line] and crossing[at - 1] > x:
+                crossing[at], by[at] = crossing[at - 1], by[at - 1]
+                at -= 1
+            crossing[at], by[at] = x, piece
+    return crossing, by
+
+
+@kernel
 def place_rays(
     starts: np.ndarray,
     pieces: np.ndarray,
@@ -143,6 +236,7 @@ def place_rays(
     n_cols: int,
     error: float,
     narrow: float,
+    steep: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Place the rays of the pixels in a window.
 
@@ -154,6 +248,7 @@ def place_rays(
     n_cols : columns of the focal plane
     error : relative error of a pixel's light that is aimed at
     narrow : neighbouring intervals share a ray if they are together narrower than this share of their line's contours
+    steep : as in `choose_slabs`
 
     Returns
     -------
@@ -161,147 +256,89 @@ def place_rays(
     at the top of this module (ray). Variance (row, col) of the photons of the window's pixels if no contour is hidden.
     """
     height, width = per_side.shape
-    variance, most = np.zeros(per_side.shape), 1
-    for p in range(height * width):
-        most = max(most, starts[p + 1] - starts[p])
-    crossing, slope, strength = np.empty(most + 1), np.empty(most + 1), np.empty(most + 1)
-    edges, room = np.empty(max(_MOST_SLABS, _ALL_EVENTS, _BINS) + 4), np.empty((3, _BINS))
+    variance = np.zeros(per_side.shape)
+    edges, room = np.empty(_MOST_SLABS + _BINS), np.empty((3, _BINS))
+    most = (_MOST_SLABS + 2) * (1 + per_side.max())
+    line_row, line_height, line_starts = np.empty(most), np.empty(most), np.empty(most + 1, np.int64)
+    crossing, by = np.empty(4096), np.empty(4096, np.int64)
     size = 3 * len(pieces) + 4 * height * width + 4096
     point, pixel, weight, jump = np.empty((2, size)), np.empty(size, np.int32), np.empty(size), np.empty(size)
     n, turn = 0, 0.0
     for p in range(height * width):
         row, col = p // width, p % width
         sides = per_side[row, col]
-        begin, end = starts[p], starts[p + 1]
         if sides == 0:
             continue
-        slabs, variance[row, col] = choose_slabs(pieces, steps, begin, end, error, edges, room)
-        for slab in range(slabs):
-            tall = edges[slab + 1] - edges[slab]
-            lines = 1 if tall <= 1.0 / sides else (sides if sides == 2 else math.ceil(tall * sides))
-            for line in range(lines):
-                h = tall / lines
-                y = edges[slab] + (line + 0.5) * h
-                if lines == 2:
-                    y = edges[slab] + tall * (_GAUSS if line == 0 else 1.0 - _GAUSS)
-                count = cross_line(pieces, steps, begin, end, y, crossing, slope, strength)
-                room_for = n + 2 * (count + 1) * sides + 2
-                if room_for > size:
-                    size = 2 * room_for
-                    point, pixel, weight, jump = (
-                        extend_rows(point, size),
-                        extend(pixel, size),
-                        extend(weight, size),
-                        extend(jump, size),
-                    )
-                turn += _GOLDEN
-                turn -= math.floor(turn)
-                variance[row, col] += estimate_crossings(crossing, slope, strength, count, h)
-                least = narrow * (crossing[count - 1] - crossing[0]) if count > _FEW_INTERVALS else 0.0
-                left, step, shared = 0.0, LINE, 0.0
-                for k in range(count + 1):
-                    right = crossing[k] if k < count else 1.0
-                    across = right - left
-                    if k > 0 and step != LINE:
-                        step = max(step, strength[k - 1])
-                    if k < count and (
-                        across <= _SAME or (across < least and crossing_after(crossing, k, count) - left < least)
-                    ):
-                        shared = max(shared, strength[k])
+        begin, end = starts[p], starts[p + 1]
+        slabs, variance[row, col] = choose_slabs(pieces, steps, begin, end, error, steep, edges, room)
+        lines = lay_lines(edges, slabs, sides, line_row, line_height)
+        crossing, by = cross_lines(pieces, begin, end, line_row, lines, line_starts, crossing, by)
+        needed = n + line_starts[lines] + lines * (sides + 2)
+        if needed > size:
+            size = 2 * needed
+            point, pixel, weight, jump = (
+                np.concatenate((point, np.empty((2, size - point.shape[1]))), axis=1),
+                np.concatenate((pixel, np.empty(size - len(pixel), np.int32))),
+                np.concatenate((weight, np.empty(size - len(weight)))),
+                np.concatenate((jump, np.empty(size - len(jump)))),
+            )
+        for line in range(lines):
+            first, last, h = line_starts[line], line_starts[line + 1], line_height[line]
+            turn += _GOLDEN
+            turn -= math.floor(turn)
+            least = narrow * (crossing[last - 1] - crossing[first]) if last - first > _FEW_INTERVALS else 0.0
+            left, step, shared, uncertain = 0.0, LINE, 0.0, 0.0
+            for k in range(first, last + 1):
+                across = (crossing[k] if k < last else 1.0) - left
+                if k > first:
+                    if step != LINE:
+                        step = max(step, steps[by[k - 1]])
+                    if k < last:
+                        uncertain += estimate_meeting(pieces, steps, by[k - 1], by[k], crossing[k] - crossing[k - 1], h)
+                if k < last:
+                    following = (crossing[k + 1] if k + 1 < last else 1.0) - left
+                    if across <= _SAME or (across < least and following < least):
+                        shared = max(shared, steps[by[k]])
                         continue
-                    if across <= _SAME and k == count:
-                        continue
-                    rays = 1 if across <= 1.0 / sides else (2 if sides == 2 else math.ceil(across * sides))
-                    for r in range(rays):
-                        at = (r + turn) / rays
-                        if rays == 1 and shared == 0.0 and sides == 2:
-                            at = 0.5
-                        elif rays == 2 and sides == 2:
-                            at = _GAUSS if r == 0 else 1.0 - _GAUSS
-                        point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
-                        pixel[n], weight[n] = (first_row + row) * n_cols + first_col + col, across * h / rays
-                        jump[n] = step if r == 0 else (PAIR if sides == 2 else TEXTURE)
-                        n += 1
-                    if shared > 0.0:
-                        variance[row, col] += (shared * across * h) ** 2 / 6.0
-                    left, step, shared = right, 0.0, 0.0
+                elif across <= _SAME:
+                    continue
+                rays = max(1, math.ceil(across * sides - _SAME))
+                for r in range(rays):
+                    at = (r + turn) / rays
+                    if sides == 2 and rays == 2:
+                        at = _GAUSS if r == 0 else 1.0 - _GAUSS
+                    elif sides == 2 and shared == 0.0:
+                        at = 0.5
+                    point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + line_row[line]
+                    pixel[n], weight[n] = (first_row + row) * n_cols + first_col + col, across * h / rays
+                    jump[n] = step if r == 0 else (PAIR if sides == 2 else TEXTURE)
+                    n += 1
+                if shared > 0.0:
+                    uncertain += (shared * across * h) ** 2 / 6.0
+                left, step, shared = left + across, 0.0, 0.0
+            variance[row, col] += uncertain
     return point[:, :n], pixel[:n], weight[:n], jump[:n], variance
 
 
 @kernel
-def crossing_after(crossing: np.ndarray, k: int, count: int) -> float:
-    """Return where the interval after number k ends."""
-    return float(crossing[k + 1]) if k + 1 < count else 1.0
-
-
-@kernel
-def extend(values: np.ndarray, size: int) -> np.ndarray:
-    """Return a longer copy of values."""
-    longer = np.empty(size, values.dtype)
-    longer[: len(values)] = values
-    return longer
-
-
-@kernel
-def extend_rows(values: np.ndarray, size: int) -> np.ndarray:
-    """Return a copy of values (row, column) with more columns."""
-    longer = np.empty((values.shape[0], size))
-    longer[:, : values.shape[1]] = values
-    return longer
-
-
-@kernel
-def cross_line(
-    pieces: np.ndarray,
-    steps: np.ndarray,
-    begin: int,
-    end: int,
-    y: float,
-    crossing: np.ndarray,
-    slope: np.ndarray,
-    strength: np.ndarray,
-) -> int:
-    """Find where a line crosses contours, sorted along the line; return how many there are.
+def estimate_meeting(pieces: np.ndarray, steps: np.ndarray, one: int, other: int, gap: float, height: float) -> float:
+    """Estimate the variance of the photons of a slab in which two neighbouring contours may cross each other.
 
     Parameters
     ----------
-    y : row of the line within the pixel
-    crossing, slope, strength : (crossing), written: column, change of column with row, and step
-    """
-    count = 0
-    for i in range(begin, end):
-        upper, lower = pieces[i, 1], pieces[i, 3]
-        if not upper < y <= lower:
-            continue
-        lean = (pieces[i, 2] - pieces[i, 0]) / (lower - upper)
-        x = pieces[i, 0] + lean * (y - upper)
-        at = count
-        while at > 0 and crossing[at - 1] > x:
-            crossing[at], slope[at], strength[at] = crossing[at - 1], slope[at - 1], strength[at - 1]
-            at -= 1
-        crossing[at], slope[at], strength[at] = x, lean, steps[i]
-        count += 1
-    return count
-
-
-@kernel
-def estimate_crossings(
-    crossing: np.ndarray, slope: np.ndarray, strength: np.ndarray, count: int, height: float
-) -> float:
-    """Estimate the variance of the photons of a slab in which neighbouring contours cross each other.
-
-    Parameters
-    ----------
-    crossing, slope, strength, count : as `cross_line` leaves them
+    one, other : numbers of the pieces
+    gap : between them on the slab's line [pixels]
     height : of the slab [pixels]
     """
-    variance = 0.0
-    for k in range(count - 1):
-        turned = abs(slope[k + 1] - slope[k])
-        behind = 0.5 * turned * height - (crossing[k + 1] - crossing[k])  # at the slab's edge, if positive
-        if behind > 0.0:
-            variance += (min(strength[k], strength[k + 1]) * behind**2 / (2.0 * turned)) ** 2
-    return variance
+    turned = abs(
+        (pieces[one, 2] - pieces[one, 0]) / (pieces[one, 3] - pieces[one, 1])
+        - (pieces[other, 2] - pieces[other, 0]) / (pieces[other, 3] - pieces[other, 1])
+    )
+    behind = 0.5 * turned * height - gap  # how far one is behind the other at the slab's edge
+    if behind <= 0.0:
+        return 0.0
+    behind = min(behind, 1.0)
+    return float((min(steps[one], steps[other]) * behind * behind / (2.0 * turned)) ** 2)
 
 
 @kernel
