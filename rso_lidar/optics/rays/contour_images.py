@@ -83,18 +83,18 @@ def cut_contours(
     Returns
     -------
     Where the pieces of each pixel of the window begin (pixel + 1), row by row. Column and row of both ends, within their
-    pixel, the upper end first (piece, 4). Steps (piece).
+    pixel, the upper end first, and the change of column with row (piece, 5). Steps (piece).
     """
     top, bottom, left, right = window
     n_rows, n_cols = bottom - top, right - left
     starts = np.zeros(n_rows * n_cols + 1, np.int64)
-    pieces, strength = np.empty((0, 4)), np.empty(0)
+    pieces, strength = np.empty((0, 5)), np.empty(0)
     for is_filling in (False, True):
         if is_filling:
             total = 0
             for p in range(len(starts)):
                 starts[p], total = total, total + starts[p]
-            pieces, strength = np.empty((total, 4)), np.empty(total)
+            pieces, strength = np.empty((total, 5)), np.empty(total)
         for s in range(len(ends)):
             x0, y0, x1, y1 = ends[s, 0] - left, ends[s, 1] - top, ends[s, 2] - left, ends[s, 3] - top
             if y1 < y0:
@@ -112,7 +112,7 @@ def cut_contours(
                     if is_filling:
                         piece = pieces[starts[pixel]]
                         piece[0], piece[2] = min(max(begin - col, 0.0), 1.0), min(max(end - col, 0.0), 1.0)
-                        piece[1], piece[3] = up - row, down - row
+                        piece[1], piece[3], piece[4] = up - row, down - row, slope
                         if high > low:
                             rise = (down - up) / (end - begin)
                             piece[1] = min(max(up - row + (piece[0] + col - begin) * rise, 0.0), 1.0)

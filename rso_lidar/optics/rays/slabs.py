@@ -12,10 +12,10 @@ import numpy as np
 from rso_lidar.kernels import kernel
 
 # Choices between error and time, as docs/physics.md states them:
-_ALL_EVENTS = 8  # so many ends of contours in a pixel may all be edges of slabs
-_FIRST_SLABS, _MOST_SLABS = 4, 64  # with more ends
+_ALL_EVENTS = 6  # so many ends of contours in a pixel may all be edges of slabs
+_FIRST_SLABS, _MOST_SLABS = 3, 64  # with more ends
 _BINS = 64  # of rows, in which the ends of contours are sorted
-_FEW_INTERVALS = 6  # of a line that all get a ray, however narrow they are
+_FEW_INTERVALS = 8  # of a line that all get a ray, however narrow they are
 _GAUSS = 0.5 - 0.5 / math.sqrt(3.0)
 _GOLDEN = 0.6180339887498949  # steps of a sequence that fills an interval evenly
 _SAME = 1e-6  # pixels: nearer ends are one
@@ -77,7 +77,8 @@ def choose_slabs(
     if events <= _ALL_EVENTS:
         edges[events + 1] = 1.0
         return events + 1, estimate_slabs(pieces, steps, begin, end, edges, events + 1)
-    expected = 0.5 * brightest * max((right - left) * (bottom - top), 1e-6)
+    area = estimate_area(pieces, begin, end, top, bottom)
+    expected = 0.5 * brightest * max(area, 1e-6)
     allowed = max(error * expected, math.sqrt(max(expected, 1.0)) * NOISE_SHARE) ** 2
     total, largest, row = room[0], room[1], room[2]
     total[:_BINS] = 0.0
@@ -108,6 +109,29 @@ def choose_slabs(
             break
         wanted = min(_MOST_SLABS, int(wanted * math.sqrt(variance / allowed)) + 2)
     return slabs, variance
+
+
+@kernel
+def estimate_area(pieces: np.ndarray, begin: int, end: int, top: float, bottom: float) -> float:
+    """Estimate the area [pixel] between the outermost contours of a pixel, from four lines.
+
+    A line that crosses one contour only may be lit as far as the pixel's side.
+
+    Parameters
+    ----------
+    top, bottom : first and last row of the pixel's contours
+    """
+    area = 0.0
+    for line in range(4):
+        y, left, right, count = top + (bottom - top) * 0.25 * (line + 0.5), 1.0, 0.0, 0
+        for i in range(begin, end):
+            upper, lower = pieces[i, 1], pieces[i, 3]
+            if upper < y <= lower:
+                x = pieces[i, 0] + pieces[i, 4] * (y - upper)
+                left, right = min(left, x), max(right, x)
+                count += 1
+        area += 1.0 if count == 1 else max(right - left, 0.0)
+    return 0.25 * area * (bottom - top)
 
 
 @kernel
@@ -208,8 +232,7 @@ def cross_lines(
                     stop = middle
             while line < lines and row[line] <= lower:
                 if is_filling:
-                    lean = (pieces[i, 2] - pieces[i, 0]) / (lower - upper)
-                    crossing[starts[line]], by[starts[line]] = pieces[i, 0] + lean * (row[line] - upper), i
+                    crossing[starts[line]], by[starts[line]] = pieces[i, 0] + pieces[i, 4] * (row[line] - upper), i
                 starts[line] += 1
                 line += 1
     for line in range(lines, 0, -1):
@@ -283,7 +306,8 @@ def place_rays(
                 np.concatenate((jump, np.empty(size - len(jump)))),
             )
         for line in range(lines):
-            first, last, h = line_starts[line], line_starts[line + 1], line_height[line]
+            first, last = line_starts[line], line_starts[line + 1]
+            y, h = line_row[line], line_height[line]
             turn += _GOLDEN
             turn -= math.floor(turn)
             least = narrow * (crossing[last - 1] - crossing[first]) if last - first > _FEW_INTERVALS else 0.0
@@ -294,10 +318,14 @@ def place_rays(
                     if step != LINE:
                         step = max(step, steps[by[k - 1]])
                     if k < last:
-                        uncertain += estimate_meeting(pieces, steps, by[k - 1], by[k], crossing[k] - crossing[k - 1], h)
+                        uncertain += estimate_meeting(
+                            pieces, steps, by[k - 1], by[k], crossing[k] - crossing[k - 1], y, h
+                        )
                 if k < last:
                     following = (crossing[k + 1] if k + 1 < last else 1.0) - left
-                    if across <= _SAME or (across < least and following < least):
+                    if across <= _SAME:
+                        continue
+                    if across < least and following < least:
                         shared = max(shared, steps[by[k]])
                         continue
                 elif across <= _SAME:
@@ -309,7 +337,7 @@ def place_rays(
                         at = _GAUSS if r == 0 else 1.0 - _GAUSS
                     elif sides == 2 and shared == 0.0:
                         at = 0.5
-                    point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + line_row[line]
+                    point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
                     pixel[n], weight[n] = (first_row + row) * n_cols + first_col + col, across * h / rays
                     jump[n] = step if r == 0 else (PAIR if sides == 2 else TEXTURE)
                     n += 1
@@ -321,23 +349,24 @@ def place_rays(
 
 
 @kernel
-def estimate_meeting(pieces: np.ndarray, steps: np.ndarray, one: int, other: int, gap: float, height: float) -> float:
+def estimate_meeting(
+    pieces: np.ndarray, steps: np.ndarray, one: int, other: int, gap: float, row: float, height: float
+) -> float:
     """Estimate the variance of the photons of a slab in which two neighbouring contours may cross each other.
 
     Parameters
     ----------
     one, other : numbers of the pieces
     gap : between them on the slab's line [pixels]
-    height : of the slab [pixels]
+    row, height : of the line, and of its slab [pixels]
     """
-    turned = abs(
-        (pieces[one, 2] - pieces[one, 0]) / (pieces[one, 3] - pieces[one, 1])
-        - (pieces[other, 2] - pieces[other, 0]) / (pieces[other, 3] - pieces[other, 1])
-    )
-    behind = 0.5 * turned * height - gap  # how far one is behind the other at the slab's edge
+    turned = abs(pieces[one, 4] - pieces[other, 4])
+    if 0.5 * turned * height <= gap:
+        return 0.0
+    above, below = row - max(pieces[one, 1], pieces[other, 1]), min(pieces[one, 3], pieces[other, 3]) - row
+    behind = turned * min(0.5 * height, max(above, below)) - gap  # how far one is behind the other at the farther end
     if behind <= 0.0:
         return 0.0
-    behind = min(behind, 1.0)
     return float((min(steps[one], steps[other]) * behind * behind / (2.0 * turned)) ** 2)
 
 
