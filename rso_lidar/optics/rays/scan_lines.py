@@ -16,7 +16,7 @@ from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays
 
 _AIM = 8.0  # error of a pixel if none of its contours were hidden, over the error asked for
-_NARROW = 5.0  # width of intervals that share a ray, over the error asked for
+_NARROW = 3.0  # width of intervals that share a ray, over the error asked for
 _STEEP = 2.5  # width of a contour whose ends count, over the error asked for
 _PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.5, 0.15, 0.1
 _MOST_PER_SIDE = 32

@@ -12,10 +12,10 @@ import numpy as np
 from rso_lidar.kernels import kernel
 
 # Choices between error and time, as docs/physics.md states them:
-_ALL_EVENTS = 6  # so many ends of contours in a pixel may all be edges of slabs
+_ALL_EVENTS = 8  # so many ends of contours in a pixel may all be edges of slabs
 _FIRST_SLABS, _MOST_SLABS = 3, 64  # with more ends
 _BINS = 64  # of rows, in which the ends of contours are sorted
-_FEW_INTERVALS = 8  # of a line that all get a ray, however narrow they are
+_FEW_INTERVALS = 12  # of a line that all get a ray, however narrow they are
 _GAUSS = 0.5 - 0.5 / math.sqrt(3.0)
 _GOLDEN = 0.6180339887498949  # steps of a sequence that fills an interval evenly
 _SAME = 1e-6  # pixels: nearer ends are one
@@ -43,7 +43,7 @@ def choose_slabs(
     pieces, steps : pieces of contours, as `contour_images.cut_contours` returns them
     begin, end : the pixel's pieces
     error : relative error of the pixel's light that is aimed at
-    steep : the ends of a contour do not count whose width times step is below this share of the greatest step
+    steep : the ends of a contour do not count that is narrower than this share of its height
     edges : (edge), written: edges of the slabs, from 0 to 1
     room : (3, bin), at least `_BINS`, overwritten
 
@@ -61,7 +61,7 @@ def choose_slabs(
         top, bottom = min(top, pieces[i, 1]), max(bottom, pieces[i, 3])
     events = 0  # ends of contours at different rows, sorted in `edges`
     for i in range(begin, end):
-        if steps[i] * abs(pieces[i, 2] - pieces[i, 0]) < steep * brightest * (right - left):
+        if abs(pieces[i, 2] - pieces[i, 0]) < steep * (pieces[i, 3] - pieces[i, 1]):
             continue
         for y in (pieces[i, 1], pieces[i, 3]):
             at = events + 1
