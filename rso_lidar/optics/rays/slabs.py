@@ -43,7 +43,7 @@ def choose_slabs(
     pieces, steps : pieces of contours, as `contour_images.cut_contours` returns them
     begin, end : the pixel's pieces
     error : relative error of the pixel's light that is aimed at
-    steep : the ends of a contour do not count that is narrower than this share of its height
+    steep : the ends of a contour do not count that leans less, over the width of all contours of the pixel
     edges : (edge), written: edges of the slabs, from 0 to 1
     room : (3, bin), at least `_BINS`, overwritten
 
@@ -60,10 +60,11 @@ def choose_slabs(
         left, right = min(left, pieces[i, 0], pieces[i, 2]), max(right, pieces[i, 0], pieces[i, 2])
         top, bottom = min(top, pieces[i, 1]), max(bottom, pieces[i, 3])
     events = 0  # ends of contours at different rows, sorted in `edges`
-    for i in range(begin, end):
-        if abs(pieces[i, 2] - pieces[i, 0]) < steep * (pieces[i, 3] - pieces[i, 1]):
+    for i in range(begin - 1, end):
+        upper, lower = (top, bottom) if i < begin else (pieces[i, 1], pieces[i, 3])
+        if i >= begin and abs(pieces[i, 2] - pieces[i, 0]) < steep * (right - left) * (lower - upper):
             continue
-        for y in (pieces[i, 1], pieces[i, 3]):
+        for y in (upper, lower):
             at = events + 1
             while edges[at - 1] > y:
                 at -= 1
@@ -82,7 +83,7 @@ def choose_slabs(
     allowed = max(error * expected, math.sqrt(max(expected, 1.0)) * NOISE_SHARE) ** 2
     total, largest, row = room[0], room[1], room[2]
     total[:_BINS] = 0.0
-    largest[:_BINS] = -1.0
+    largest[:_BINS] = row[:_BINS] = -1.0
     scale, every = _BINS / max(bottom - top, 1e-12), 0.0
     for i in range(begin, end):
         weight = steps[i] * (abs(pieces[i, 2] - pieces[i, 0]) + 1e-3)
@@ -95,10 +96,10 @@ def choose_slabs(
     slabs, wanted, variance = 1, _FIRST_SLABS, 0.0
     for _ in range(3):
         slabs, gathered = 0, 0.0
-        for b in range(-1, _BINS):
-            y = top if b < 0 else row[b]
-            gathered += 0.0 if b < 0 else total[b]
-            if (b < 0 or gathered >= every / wanted) and edges[slabs] + _SAME < y < 1.0 - _SAME:
+        for b in range(-1, _BINS + 1):
+            y = top if b < 0 else (bottom if b == _BINS else row[b])
+            gathered += total[b] if 0 <= b < _BINS else every
+            if gathered >= every / wanted and edges[slabs] + _SAME < y < 1.0 - _SAME:
                 slabs += 1
                 edges[slabs] = y
                 gathered = 0.0
