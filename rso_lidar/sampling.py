@@ -43,7 +43,10 @@ def cast_pixels(
         hits = cast(optics.pixel_rays(receiver, laser, extent))
         return optics.estimate_grid_variance(hits, optics.pixel_photons(hits, laser, receiver), receiver)
     contours = scene.contours(surfaces, truth, least_crease=_CREASE * receiver.sampling_error)
-    texture = scene.find_textures(surfaces, truth)
-    lines = optics.lay_scan_lines(receiver, laser, extent, contours, texture)
+    lines = optics.ScanLines(receiver, laser, extent, contours, scene.find_textures(surfaces, truth))
     hits = cast(lines.rays)
-    return lines.estimate_variance(hits, optics.pixel_photons(hits, laser, receiver))
+    hits, is_unfinished = lines.take(hits, optics.pixel_photons(hits, laser, receiver))
+    if is_unfinished:
+        finer = cast(lines.rays)
+        hits, _ = lines.take(finer, optics.pixel_photons(finer, laser, receiver), hits)
+    return hits

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rso_lidar.optics.lens.surface_scatter import Baffle, Glare
     from rso_lidar.optics.rays.grid_error import estimate_grid_variance
     from rso_lidar.optics.rays.pixel_rays import pixel_rays
-    from rso_lidar.optics.rays.scan_lines import ScanLines, lay_scan_lines
+    from rso_lidar.optics.rays.scan_lines import ScanLines
     from rso_lidar.optics.receiver import Receiver
     from rso_lidar.optics.returns.blur import read_files
     from rso_lidar.optics.returns.pulse_average import assign_pulses, average_pulses
@@ -45,7 +45,6 @@ __all__ = [
     "average_pulses",
     "collect",
     "estimate_grid_variance",
-    "lay_scan_lines",
     "oversample",
     "pixel_photons",
     "pixel_rays",

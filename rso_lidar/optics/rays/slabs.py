@@ -32,12 +32,11 @@ def choose_slabs(
     steps: np.ndarray,
     begin: int,
     end: int,
-    error: float,
+    allowed: float,
+    rough: float,
     steep: float,
     edges: np.ndarray,
     room: np.ndarray,
-    met: np.ndarray,
-    gap: np.ndarray,
 ) -> tuple[int, float]:
     """Choose the slabs of a pixel.
 
@@ -45,11 +44,11 @@ def choose_slabs(
     ----------
     pieces, steps : pieces of contours, as `contour_images.cut_contours` returns them
     begin, end : the pixel's pieces
-    error : relative error of the pixel's light that is aimed at
+    allowed : variance of the pixel's photons that is aimed at, if no contour is hidden; negative if it is not known
+    rough : then the error over the light that half of the contours' box would send
     steep : the ends of a contour do not count that leans less, over the width of all contours of the pixel
     edges : (edge), written: edges of the slabs, from 0 to 1
     room : (3, bin), at least `_BINS`, overwritten
-    met, gap : (contour), overwritten
 
     Returns
     -------
@@ -73,9 +72,8 @@ def choose_slabs(
                 edges[slabs] = row[k]
         edges[slabs + 1] = 1.0
         return slabs + 1, estimate_slabs(pieces, steps, begin, end, edges, slabs + 1)
-    area = estimate_area(pieces, begin, end, left, right, top, bottom, met, gap)
-    expected = brightest * max(area, 1e-6)
-    allowed = max(error * expected, math.sqrt(max(expected, 1.0)) * NOISE_SHARE) ** 2
+    if allowed < 0.0:
+        allowed = max(rough * 0.5 * brightest * (right - left) * (bottom - top), NOISE_SHARE) ** 2
     if events > _BINS:
         events, every, scale = _BINS, 0.0, _BINS / max(bottom - top, 1e-12)
         total[:_BINS] = 0.0
@@ -157,52 +155,6 @@ def sort_ends(
                 row[at], total[at] = y, weight
                 count += 1
     return count, every
-
-
-@kernel
-def estimate_area(
-    pieces: np.ndarray,
-    begin: int,
-    end: int,
-    left: float,
-    right: float,
-    top: float,
-    bottom: float,
-    met: np.ndarray,
-    gap: np.ndarray,
-) -> float:
-    """Estimate the lit area [pixel] of a pixel, on the low side, from two lines along rows and two along columns.
-
-    Contours cut a line into intervals. The narrower half of them is taken as lit. Lines along contours do not cross them,
-    so the greater of both directions counts.
-
-    Parameters
-    ----------
-    left, right, top, bottom : bounds of the pixel's contours
-    met, gap : (contour), overwritten
-    """
-    greatest = 0.0
-    for along in range(2):
-        across = 1 - along
-        low, high = (top, bottom) if along == 0 else (left, right)
-        lit = 0.0
-        for line in range(2):
-            at, count = low + (high - low) * (0.3 + 0.4 * line), 0
-            for i in range(begin, end):
-                one, other = pieces[i, across], pieces[i, across + 2]
-                if min(one, other) < at <= max(one, other):
-                    met[count] = pieces[i, along] + (pieces[i, along + 2] - pieces[i, along]) * (at - one) / (
-                        other - one
-                    )
-                    count += 1
-            met[:count].sort()
-            for k in range(count + 1):
-                gap[k] = (met[k] if k < count else 1.0) - (met[k - 1] if k > 0 else 0.0)
-            gap[: count + 1].sort()
-            for k in range((count + 1) // 2):
-                lit += gap[k]
-        greatest = max(greatest, 0.5 * lit * (high - low))
-    return greatest
 
 
 @kernel
@@ -328,7 +280,8 @@ def place_rays(
     first_row: int,
     first_col: int,
     n_cols: int,
-    error: float,
+    allowed: np.ndarray,
+    rough: float,
     narrow: float,
     steep: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -340,7 +293,8 @@ def place_rays(
     per_side : (row, col) rays along the side of a pixel that no contour crosses; 0 where nothing can be seen
     first_row, first_col : the window's first pixel
     n_cols : columns of the focal plane
-    error : relative error of a pixel's light that is aimed at
+    allowed : (row, col) variance of a pixel's photons, as in `choose_slabs`
+    rough : as in `choose_slabs`
     narrow : neighbouring intervals share a ray if they are together narrower than this share of their line's contours
     steep : as in `choose_slabs`
 
@@ -350,10 +304,7 @@ def place_rays(
     at the top of this module (ray). Variance (row, col) of the photons of the window's pixels if no contour is hidden.
     """
     height, width = per_side.shape
-    variance, most = np.zeros(per_side.shape), 0
-    for p in range(height * width):
-        most = max(most, starts[p + 1] - starts[p])
-    met, gap = np.empty(most), np.empty(most + 1)
+    variance = np.zeros(per_side.shape)
     edges, room = np.empty(_MOST_SLABS + _BINS), np.empty((3, _BINS))
     many = (_MOST_SLABS + 2) * (1 + per_side.max())
     line_row, line_height, line_starts = np.empty(many), np.empty(many), np.empty(many + 1, np.int64)
@@ -367,7 +318,9 @@ def place_rays(
         if sides == 0:
             continue
         begin, end = starts[p], starts[p + 1]
-        slabs, variance[row, col] = choose_slabs(pieces, steps, begin, end, error, steep, edges, room, met, gap)
+        slabs, variance[row, col] = choose_slabs(
+            pieces, steps, begin, end, allowed[row, col], rough, steep, edges, room
+        )
         lines = lay_lines(edges, slabs, sides, line_row, line_height)
         crossing, by = cross_lines(pieces, begin, end, line_row, lines, line_starts, crossing, by)
         needed = n + line_starts[lines] + lines * (sides + 2)
@@ -451,6 +404,8 @@ def correct_variance(
     jump: np.ndarray,
     light: np.ndarray,
     variance: np.ndarray,
+    seen: np.ndarray,
+    photons: np.ndarray,
     per_step: float,
     per_texture: float,
     per_twist: float,
@@ -465,14 +420,16 @@ def correct_variance(
     pixel, weight, jump : (ray) as `place_rays` returns them
     light : (ray) photons of a whole pixel that is as bright as the ray's hit
     variance : (pixel), changed
+    seen, photons : (pixel), written: by what the variance due to contours was multiplied, and the pixel's photons
     per_step, per_texture, per_twist : variance over what is expected, over squared differences of neighbours, and over
         the squared twist of four rays
     """
     n, i = len(pixel), 0
     while i < n:
         first = i
-        met, expected, uneven = 0.0, 0.0, 0.0
+        met, expected, uneven, total = 0.0, 0.0, 0.0, 0.0
         while i < n and pixel[i] == pixel[first]:
+            total += weight[i] * light[i]
             if jump[i] > 0.0:
                 met += min((light[i] - light[i - 1]) ** 2, jump[i] ** 2)
                 expected += jump[i] ** 2
@@ -482,5 +439,6 @@ def correct_variance(
         if i - first == 4 and jump[first + 1] == PAIR and jump[first + 3] == PAIR:
             twist = light[first] - light[first + 1] - light[first + 2] + light[first + 3]
             uneven += per_twist * (weight[first] * twist) ** 2
-        share = met / expected if expected > 0.0 else 1.0
-        variance[pixel[first]] = per_step * share * variance[pixel[first]] + uneven
+        share = per_step * (met / expected if expected > 0.0 else 1.0)
+        seen[pixel[first]], photons[pixel[first]] = share, total
+        variance[pixel[first]] = share * variance[pixel[first]] + uneven
