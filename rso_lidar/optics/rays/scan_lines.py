@@ -22,6 +22,7 @@ from rso_lidar.records import Contours, Extent, Hits, Rays, specs
 _ROUGH = 16.0  # error at which the first round aims, over half the light of a pixel whose contours are all visible
 _NARROW = 3.0  # width of intervals that share a ray, over the width of all contours on their line
 _STEEP = 2.5  # change of column with row of contours whose ends do not count, over the width of all contours of a pixel
+_MISSED = 2.0  # a pixel is sampled anew whose error may be so many times the one that is asked for
 _MOST_PER_SIDE = 32  # rays
 # The label's variance over what is expected, fitted to the scenes of tests/physics/sampling_scenes.py:
 _PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.5, 0.15, 0.1
@@ -114,7 +115,7 @@ class ScanLines:
         hits = replace(hits, photons_variance=variance)
         noise = NOISE_SHARE * np.sqrt(np.maximum(total, 1.0))
         allowed = np.maximum(self._receiver.sampling_error * total, noise) ** 2
-        is_unknown = (variance > allowed)[self._window] & (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
+        is_unknown = (variance > _MISSED**2 * allowed)[self._window] & (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
         if not is_unknown.any():
             return hits, False
         self._place(np.where(is_unknown, self._sides, 0), (allowed / np.maximum(seen, 1e-3))[self._window])
