@@ -31,8 +31,10 @@ def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tupl
     gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
     steps = contours.step_per_sr_m2 * (laser.density_on_axis * gathered)
     edge, share = _outline_beam(laser, receiver)
-    typical = float(np.median(steps)) if len(steps) else 1.0
-    ends, steps = np.concatenate([contours.ends, edge]), np.concatenate([steps, typical * share])
+    ends = contours.ends
+    if len(edge):
+        typical = float(np.median(steps)) if len(steps) else 1.0
+        ends, steps = np.concatenate([ends, edge]), np.concatenate([steps, typical * share])
     if receiver.distortion is not None:
         at = np.arange(_PIECES_OF_BENT + 1) / _PIECES_OF_BENT
         right, down = (ends[:, [axis]] + at * (ends[:, [axis + 2]] - ends[:, [axis]]) for axis in (0, 1))

@@ -19,10 +19,11 @@ from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
 
 # Choices between error and time, as docs/physics.md states them. The first three are over the error asked for.
-_ROUGH = 16.0  # error at which the first round aims, over half the light of a pixel whose contours are all visible
+_ROUGH = 8.0  # error at which the first round aims, over half the light of a pixel whose contours are all visible
 _NARROW = 3.0  # width of intervals that share a ray, over the width of all contours on their line
 _STEEP = 2.5  # change of column with row of contours whose ends do not count, over the width of all contours of a pixel
-_MISSED = 2.0  # a pixel is sampled anew whose error may be so many times the one that is asked for
+_AIM = 0.7  # error in a second round, over the one that is asked for
+_DIM = 1e-3  # a pixel with less light, over the brightest, counts as if it had so much
 _MOST_PER_SIDE = 32  # rays
 # The label's variance over what is expected, fitted to the scenes of tests/physics/sampling_scenes.py:
 _PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.5, 0.15, 0.1
@@ -113,13 +114,33 @@ class ScanLines:
         if before is not None:
             return _replace_pixels(before, replace(hits, photons_variance=variance)), False
         hits = replace(hits, photons_variance=variance)
-        noise = NOISE_SHARE * np.sqrt(np.maximum(total, 1.0))
-        allowed = np.maximum(self._receiver.sampling_error * total, noise) ** 2
-        is_unknown = (variance > _MISSED**2 * allowed)[self._window] & (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
-        if not is_unknown.any():
+        allowed = self._find_missed(variance, total)
+        is_missed = (allowed > 0.0)[self._window] & (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
+        if not is_missed.any():
             return hits, False
-        self._place(np.where(is_unknown, self._sides, 0), (allowed / np.maximum(seen, 1e-3))[self._window])
+        self._place(np.where(is_missed, self._sides, 0), (allowed / np.maximum(seen, 1e-3))[self._window])
         return hits, True
+
+    def _find_missed(self, variance: np.ndarray, photons: np.ndarray) -> np.ndarray:
+        """Return the variance (row, col) that pixels may have which are to be sampled anew, 0 elsewhere.
+
+        Parameters
+        ----------
+        variance, photons : (row, col) of all pixels
+        """
+        error, total = self._receiver.sampling_error, float(photons.sum())
+        weight = np.maximum(photons, _DIM * photons.max(initial=0.0))
+        share = np.where(variance > NOISE_SHARE**2 * np.maximum(photons, 1.0), variance, 0.0) / np.maximum(
+            weight, 1e-12
+        )
+        allowed = np.zeros(variance.shape)
+        if share.sum() <= error**2 * total:
+            return allowed
+        order = np.argsort(share, axis=None)
+        missed = order[np.cumsum(share.ravel()[order]) > (_AIM * error) ** 2 * total]
+        least = NOISE_SHARE**2 * np.maximum(photons, 1.0)
+        allowed.flat[missed] = np.maximum((_AIM * error) ** 2 * photons * weight, least).flat[missed]
+        return allowed
 
 
 def _replace_pixels(hits: Hits, finer: Hits) -> Hits:

@@ -86,8 +86,13 @@ def choose_slabs(
                 every += weight
                 if weight > largest[k]:
                     largest[k], row[k] = weight, y
-    slabs, wanted, variance = 1, _FIRST_SLABS, 0.0
-    for _ in range(3):
+    # An end of a contour lies anywhere in its slab: the mean of its squared distance from the nearer edge is h²/12.
+    spread = 0.0
+    for i in range(begin, end):
+        spread += (steps[i] * (pieces[i, 2] - pieces[i, 0])) ** 2
+    slabs, variance = 1, 0.0
+    wanted = max(_FIRST_SLABS, min(_MOST_SLABS, int((bottom - top) * math.sqrt(spread / (12.0 * allowed)))))
+    for _ in range(2):
         slabs, gathered = 0, 0.0
         for k in range(-1, events + 1):
             y = top if k < 0 else (bottom if k == events else row[k])
@@ -99,7 +104,7 @@ def choose_slabs(
         slabs += 1
         edges[slabs] = 1.0
         variance = estimate_slabs(pieces, steps, begin, end, edges, slabs)
-        if variance <= allowed or wanted >= _MOST_SLABS:
+        if variance <= 1.5 * allowed or wanted >= _MOST_SLABS:
             break
         wanted = min(_MOST_SLABS, int(wanted * math.sqrt(variance / allowed)) + 2)
     return slabs, variance
