@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.kernels import packed
+from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.rays.cells import boxes_in_cells, outlines_in_cells
 from rso_lidar.optics.rays.contour_images import GAUSSIAN_REACH, cut_contours, image_contours
@@ -19,14 +19,15 @@ from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
 
 # Choices between error and time, as docs/physics.md states them. The first three are over the error asked for.
-_ROUGH = 8.0  # error at which the first round aims, over half the light of a pixel whose contours are all visible
+_ROUGH = 10.0  # error at which the first round aims, over half the light of a pixel whose contours are all visible
 _NARROW = 3.0  # width of intervals that share a ray, over the width of all contours on their line
+_NARROW_AGAIN = 1.0  # the same in the second round
 _STEEP = 2.5  # change of column with row of contours whose ends do not count, over the width of all contours of a pixel
 _AIM = 0.7  # error in a second round, over the one that is asked for
 _DIM = 1e-3  # a pixel with less light, over the brightest, counts as if it had so much
 _MOST_PER_SIDE = 32  # rays
 # The label's variance over what is expected, fitted to the scenes of tests/physics/sampling_scenes.py:
-_PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.5, 0.15, 0.1
+_PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.35, 0.3, 0.1
 _ERROR_OF_CELLS = 0.54
 _CONTRAST = 2.0  # assumed: spread of the light of cells of foil, over its mean
 
@@ -68,9 +69,9 @@ class ScanLines:
         is_crossed = (np.diff(self._pieces[0]) > 0).reshape(height, width)
         self._sides = np.where((owner == 0) | is_crossed, least, 0)
         self._sides[owner > 0] = per_side[owner[owner > 0] - 1]
-        self._place(self._sides, np.full((height, width), -1.0))
+        self._place(self._sides, np.full((height, width), -1.0), _NARROW)
 
-    def _place(self, sides: np.ndarray, allowed: np.ndarray) -> None:
+    def _place(self, sides: np.ndarray, allowed: np.ndarray, narrow: float) -> None:
         """Place the rays of some pixels of the window; the parameters are those of `slabs.place_rays`."""
         error = self._receiver.sampling_error
         point, pixel, weight, self._jump, known = place_rays(
@@ -81,7 +82,7 @@ class ScanLines:
             self._receiver.n_cols,
             packed(allowed),
             _ROUGH * error,
-            min(_NARROW * error, 0.125),
+            min(narrow * error, 0.125),
             _STEEP * error,
         )
         direction = np.empty((3, len(pixel)))
@@ -118,7 +119,9 @@ class ScanLines:
         is_missed = (allowed > 0.0)[self._window] & (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
         if not is_missed.any():
             return hits, False
-        self._place(np.where(is_missed, self._sides, 0), (allowed / np.maximum(seen, 1e-3))[self._window])
+        self._place(
+            np.where(is_missed, self._sides, 0), (allowed / np.maximum(seen, 1e-3))[self._window], _NARROW_AGAIN
+        )
         return hits, True
 
     def _find_missed(self, variance: np.ndarray, photons: np.ndarray) -> np.ndarray:
@@ -145,27 +148,50 @@ class ScanLines:
 
 def _replace_pixels(hits: Hits, finer: Hits) -> Hits:
     """Return hits in which the pixels that have finer rays have these alone."""
-    is_finer = np.zeros(hits.rays.shape[0] * hits.rays.shape[1], bool)
-    is_finer[finer.rays.pixel] = True
-    kept, kept_hits = ~is_finer[hits.rays.pixel], ~is_finer[hits.pixel]
-    pixel = np.concatenate([hits.rays.pixel[kept], finer.rays.pixel])
-    order = np.argsort(pixel, kind="stable")
-    place = np.empty(len(order), np.int32)
-    place[order] = np.arange(len(order))
-    weight = np.concatenate([hits.rays.weight[kept], finer.rays.weight])[order]
-    direction = np.empty((3, len(order)))
+    is_finer = np.zeros(hits.rays.shape, np.bool_)
+    is_finer.flat[finer.rays.pixel] = True
+    of_rays = merge_pixels(packed(hits.rays.pixel), packed(finer.rays.pixel), is_finer.reshape(-1))
+    of_hits = merge_pixels(packed(hits.pixel), packed(finer.pixel), is_finer.reshape(-1))
+
+    def join(before: np.ndarray, after: np.ndarray, order: np.ndarray) -> np.ndarray:
+        both: np.ndarray = np.concatenate([before, after]).take(order, mode="clip")
+        return both
+
+    direction = np.empty((3, len(of_rays)))
     for axis in range(3):
-        direction[axis] = np.concatenate([hits.rays.direction[kept, axis], finer.rays.direction[:, axis]])[order]
-    ray = np.concatenate([place[np.cumsum(kept)[hits.ray[kept_hits]] - 1], place[finer.ray + kept.sum()]])
-    by_ray = np.argsort(ray, kind="stable")
+        direction[axis] = join(hits.rays.direction[:, axis], finer.rays.direction[:, axis], of_rays)
+    pixel, weight = (join(getattr(hits.rays, name), getattr(finer.rays, name), of_rays) for name in ("pixel", "weight"))
+    place = np.zeros(len(hits.rays.pixel) + len(finer.rays.pixel), np.int32)
+    place[of_rays] = np.arange(len(of_rays))
     columns: dict[str, Any] = {
-        name: np.concatenate([getattr(hits, name)[kept_hits], getattr(finer, name)])[by_ray]
+        name: join(getattr(hits, name), getattr(finer, name), of_hits)
         for name, spec in specs(Hits).items()
-        if spec.dims == ("hit",) and name != "ray" and getattr(hits, name) is not None
+        if spec.dims == ("hit",) and getattr(hits, name) is not None
     }
-    variance = np.where(is_finer.reshape(hits.rays.shape), finer.photons_variance, hits.photons_variance)
-    rays = Rays(hits.rays.shape, direction.T, pixel[order], weight)
-    return Hits(rays, ray=ray[by_ray], **columns, photons_variance=variance)
+    columns["ray"] = place[join(hits.ray, finer.ray + np.int32(len(hits.rays.pixel)), of_hits)]
+    assert hits.photons_variance is not None and finer.photons_variance is not None
+    variance: np.ndarray = np.where(is_finer, finer.photons_variance, hits.photons_variance)
+    return Hits(Rays(hits.rays.shape, direction.T, pixel, weight), **columns, photons_variance=variance)
+
+
+@kernel
+def merge_pixels(before: np.ndarray, after: np.ndarray, is_replaced: np.ndarray) -> np.ndarray:
+    """Merge two lists of pixels, neither of which falls; return the place of each entry in both lists joined.
+
+    Parameters
+    ----------
+    before, after : (entry) pixels
+    is_replaced : (pixel) whether the entries of `before` are left out
+    """
+    order, n, j = np.empty(len(before) + len(after), np.int64), 0, 0
+    for i in range(len(before) + 1):
+        while j < len(after) and (i == len(before) or after[j] < before[i]):
+            order[n] = len(before) + j
+            n, j = n + 1, j + 1
+        if i < len(before) and not is_replaced[before[i]]:
+            order[n] = i
+            n += 1
+    return order[:n].copy()
 
 
 def _rays_per_side(receiver: Receiver, laser: Laser, textures: np.ndarray) -> tuple[int, np.ndarray]:
