@@ -268,7 +268,7 @@ class Laser(Part):
     @property
     def cell_tangent(self) -> float:
         """Side of a cell of a measured pattern in the tangent plane."""
-        return 2.0 * self.half_width_tangent / max(self._pattern.shape)
+        return 2.0 * self.half_width_tangent / float(max(self._pattern.shape))
 
     @cached_property
     def _pattern(self) -> np.ndarray:

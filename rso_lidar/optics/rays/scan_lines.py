@@ -169,8 +169,7 @@ def _replace_pixels(hits: Hits, finer: Hits) -> Hits:
         if spec.dims == ("hit",) and getattr(hits, name) is not None
     }
     columns["ray"] = place[join(hits.ray, finer.ray + np.int32(len(hits.rays.pixel)), of_hits)]
-    assert hits.photons_variance is not None and finer.photons_variance is not None
-    variance: np.ndarray = np.where(is_finer, finer.photons_variance, hits.photons_variance)
+    variance = np.where(is_finer, finer.photons_variance, hits.photons_variance)  # type: ignore[arg-type]
     return Hits(Rays(hits.rays.shape, direction.T, pixel, weight), **columns, photons_variance=variance)
 
 

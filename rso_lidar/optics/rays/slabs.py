@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from rso_lidar.kernels import kernel
+from rso_lidar.optics.returns.sorting import sort_by
 
 # Choices between error and time, as docs/physics.md states them:
 _ALL_EVENTS = 8  # so many ends of contours in a pixel may all be edges of slabs
@@ -224,9 +225,12 @@ def cross_lines(
     row: np.ndarray,
     lines: int,
     starts: np.ndarray,
+    filled: np.ndarray,
+    first: np.ndarray,
     crossing: np.ndarray,
     by: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    spare: tuple[np.ndarray, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
     """Find where the lines of a pixel cross contours.
 
     Parameters
@@ -234,46 +238,43 @@ def cross_lines(
     begin, end : the pixel's pieces
     row, lines : as `lay_lines` leaves them
     starts : (line + 1), written: where the crossings of each line begin
-    crossing, by : (crossing), overwritten if they are long enough
+    filled, first : (line) and (piece of the pixel), overwritten
+    crossing, by, spare : (crossing), overwritten if they are long enough
 
     Returns
     -------
-    Columns of the crossings, sorted along each line, and the numbers of the pieces (crossing).
+    Columns of the crossings, sorted along each line; the numbers of the pieces (crossing); and room for the next pixel.
     """
-    for line in range(lines + 1):
-        starts[line] = 0
-    total = 0
-    for is_filling in (False, True):
-        if is_filling:
-            for line in range(lines):
-                starts[line], total = total, total + starts[line]
-            if total > len(crossing):
-                crossing, by = np.empty(2 * total), np.empty(2 * total, np.int64)
-        for i in range(begin, end):
-            upper, lower = pieces[i, 1], pieces[i, 3]
-            line, stop = 0, lines  # the first line below the piece's upper end
-            while line < stop:
-                middle = (line + stop) // 2
-                if row[middle] <= upper:
-                    line = middle + 1
-                else:
-                    stop = middle
-            while line < lines and row[line] <= lower:
-                if is_filling:
-                    crossing[starts[line]], by[starts[line]] = pieces[i, 0] + pieces[i, 4] * (row[line] - upper), i
-                starts[line] += 1
-                line += 1
-    for line in range(lines, 0, -1):
-        starts[line] = starts[line - 1]
-    starts[0] = 0
+    starts[: lines + 1] = 0
+    for i in range(begin, end):
+        upper, lower = pieces[i, 1], pieces[i, 3]
+        line, stop = 0, lines  # the first line below the piece's upper end
+        while line < stop:
+            middle = (line + stop) // 2
+            if row[middle] <= upper:
+                line = middle + 1
+            else:
+                stop = middle
+        first[i - begin] = line
+        while line < lines and row[line] <= lower:
+            starts[line + 1] += 1
+            line += 1
     for line in range(lines):
-        for k in range(starts[line] + 1, starts[line + 1]):
-            x, piece, at = crossing[k], by[k], k
-            while at > starts[line] and crossing[at - 1] > x:
-                crossing[at], by[at] = crossing[at - 1], by[at - 1]
-                at -= 1
-            crossing[at], by[at] = x, piece
-    return crossing, by
+        starts[line + 1] += starts[line]
+        filled[line] = starts[line]
+    if starts[lines] > len(crossing):
+        size = 2 * starts[lines]
+        crossing, by, spare = np.empty(size), np.empty(size, np.int64), (np.empty(size, np.int64), np.empty(size))
+    for i in range(begin, end):
+        line = first[i - begin]
+        while line < lines and row[line] <= pieces[i, 3]:
+            at = filled[line]
+            crossing[at], by[at] = pieces[i, 0] + pieces[i, 4] * (row[line] - pieces[i, 1]), i
+            filled[line] += 1
+            line += 1
+    for line in range(lines):
+        sort_by(crossing, by, spare, starts[line], starts[line + 1])
+    return crossing, by, spare
 
 
 @kernel
@@ -309,11 +310,14 @@ def place_rays(
     at the top of this module (ray). Variance (row, col) of the photons of the window's pixels if no contour is hidden.
     """
     height, width = per_side.shape
-    variance = np.zeros(per_side.shape)
+    variance, most = np.zeros(per_side.shape), 0
+    for p in range(height * width):
+        most = max(most, starts[p + 1] - starts[p])
     edges, room = np.empty(_MOST_SLABS + _BINS), np.empty((3, _BINS))
     many = (_MOST_SLABS + 2) * (1 + per_side.max())
     line_row, line_height, line_starts = np.empty(many), np.empty(many), np.empty(many + 1, np.int64)
-    crossing, by = np.empty(4096), np.empty(4096, np.int64)
+    filled, first_line = np.empty(many, np.int64), np.empty(most, np.int64)
+    crossing, by, spare = np.empty(4096), np.empty(4096, np.int64), (np.empty(4096, np.int64), np.empty(4096))
     size = 3 * len(pieces) + 4 * height * width + 4096
     point, pixel, weight, jump = np.empty((2, size)), np.empty(size, np.int32), np.empty(size), np.empty(size)
     n, turn = 0, 0.0
@@ -327,7 +331,9 @@ def place_rays(
             pieces, steps, begin, end, allowed[row, col], rough, steep, edges, room
         )
         lines = lay_lines(edges, slabs, sides, line_row, line_height)
-        crossing, by = cross_lines(pieces, begin, end, line_row, lines, line_starts, crossing, by)
+        crossing, by, spare = cross_lines(
+            pieces, begin, end, line_row, lines, line_starts, filled, first_line, crossing, by, spare
+        )
         needed = n + line_starts[lines] + lines * (sides + 2)
         if needed > size:
             size = 2 * needed

@@ -83,7 +83,7 @@ def find_textures(surfaces: Sequence[Surface], truth: Truth) -> np.ndarray:
     """
     sizes = np.full(len(surfaces), np.inf)
     for number, surface in enumerate(surfaces):
-        cells_m = [getattr(m, "cell_mm") * units.MM for k, m in surface.crinkled.items() if (surface.finish == k).any()]
+        cells_m = [m.cell_mm * units.MM for k, m in surface.crinkled.items() if (surface.finish == k).any()]
         if cells_m:
             centre, radius_m = surface.sphere
             distance_m = float(np.linalg.norm(truth.poses.place(surface.name, "lidar")[0] - centre))
