@@ -53,7 +53,8 @@ def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndar
     A Gaussian beam has no edge. Where it is narrow, rings at equal steps of its light stand for it.
     """
     half_width = laser.half_width_tangent
-    if laser.offset is not None or half_width > 1.5 * receiver.field_edge.max():
+    covered = receiver.field_edge.max() * (1.0 if laser.footprint in ("square", "as_printed") else math.sqrt(2.0))
+    if laser.offset is not None or half_width >= covered * (1.0 - 1e-12):
         return np.empty((0, 4)), np.empty(0)
     radii, corners, first = np.array([half_width]), _SIDES_OF_CIRCLE, 0.0
     if laser.footprint == "gaussian":

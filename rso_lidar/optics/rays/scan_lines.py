@@ -66,8 +66,8 @@ class ScanLines:
         self._pieces = cut_contours(
             *image_contours(receiver, laser, contours), (self._top, self._top + height, self._left, self._left + width)
         )
-        is_crossed = (np.diff(self._pieces[0]) > 0).reshape(height, width)
-        self._sides = np.where((owner == 0) | is_crossed, least, 0)
+        self._is_crossed = (np.diff(self._pieces[0]) > 0).reshape(height, width)
+        self._sides = np.where((owner == 0) | self._is_crossed, least, 0)
         self._sides[owner > 0] = per_side[owner[owner > 0] - 1]
         self._place(self._sides, np.full((height, width), -1.0), _NARROW)
 
@@ -115,34 +115,31 @@ class ScanLines:
         if before is not None:
             return _replace_pixels(before, replace(hits, photons_variance=variance)), False
         hits = replace(hits, photons_variance=variance)
-        allowed = self._find_missed(variance, total)
-        is_missed = (allowed > 0.0)[self._window] & (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
-        if not is_missed.any():
+        allowed = self._find_missed(variance[self._window], total[self._window])
+        if not allowed.any():
             return hits, False
-        self._place(
-            np.where(is_missed, self._sides, 0), (allowed / np.maximum(seen, 1e-3))[self._window], _NARROW_AGAIN
-        )
+        allowed /= np.maximum(seen[self._window], 1e-3)
+        self._place(np.where(allowed > 0.0, self._sides, 0), allowed, _NARROW_AGAIN)
         return hits, True
 
     def _find_missed(self, variance: np.ndarray, photons: np.ndarray) -> np.ndarray:
-        """Return the variance (row, col) that pixels may have which are to be sampled anew, 0 elsewhere.
+        """Return the variance (row, col) that pixels of the window may have which are to be sampled anew, 0 elsewhere.
 
         Parameters
         ----------
-        variance, photons : (row, col) of all pixels
+        variance, photons : (row, col) of the window's pixels
         """
         error, total = self._receiver.sampling_error, float(photons.sum())
         weight = np.maximum(photons, _DIM * photons.max(initial=0.0))
-        share = np.where(variance > NOISE_SHARE**2 * np.maximum(photons, 1.0), variance, 0.0) / np.maximum(
-            weight, 1e-12
-        )
+        noise = NOISE_SHARE**2 * np.maximum(photons, 1.0)
+        share = np.where(variance > noise, variance / np.maximum(weight, 1e-12), 0.0)
         allowed = np.zeros(variance.shape)
-        if share.sum() <= error**2 * total:
-            return allowed
-        order = np.argsort(share, axis=None)
-        missed = order[np.cumsum(share.ravel()[order]) > (_AIM * error) ** 2 * total]
-        least = NOISE_SHARE**2 * np.maximum(photons, 1.0)
-        allowed.flat[missed] = np.maximum((_AIM * error) ** 2 * photons * weight, least).flat[missed]
+        if share.sum() > error**2 * total:
+            order = np.argsort(share, axis=None)
+            aim = (_AIM * error) ** 2
+            missed = order[np.cumsum(share.flat[order]) > aim * total]
+            allowed.flat[missed] = np.maximum(aim * photons * weight, noise).flat[missed]
+            allowed[~self._is_crossed] = 0.0
         return allowed
 
 
@@ -169,8 +166,8 @@ def _replace_pixels(hits: Hits, finer: Hits) -> Hits:
         if spec.dims == ("hit",) and getattr(hits, name) is not None
     }
     columns["ray"] = place[join(hits.ray, finer.ray + np.int32(len(hits.rays.pixel)), of_hits)]
-    variance = np.where(is_finer, finer.photons_variance, hits.photons_variance)  # type: ignore[arg-type]
-    return Hits(Rays(hits.rays.shape, direction.T, pixel, weight), **columns, photons_variance=variance)
+    columns["photons_variance"] = np.where(is_finer, finer.photons_variance, hits.photons_variance)
+    return Hits(Rays(hits.rays.shape, direction.T, pixel, weight), **columns)
 
 
 @kernel

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar import units
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.records import Contours, Truth
 from rso_lidar.scene.surfaces.geometry_cache import GeometryCache
@@ -83,7 +82,7 @@ def find_textures(surfaces: Sequence[Surface], truth: Truth) -> np.ndarray:
     """
     sizes = np.full(len(surfaces), np.inf)
     for number, surface in enumerate(surfaces):
-        cells_m = [m.cell_mm * units.MM for k, m in surface.crinkled.items() if (surface.finish == k).any()]
+        cells_m = [m.cell_m for k, m in surface.crinkled.items() if (surface.finish == k).any()]
         if cells_m:
             centre, radius_m = surface.sphere
             distance_m = float(np.linalg.norm(truth.poses.place(surface.name, "lidar")[0] - centre))

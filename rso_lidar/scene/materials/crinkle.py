@@ -58,6 +58,11 @@ class Crinkled(MaterialPart):
         return math.tan(self.tilt_deg * units.DEG)
 
     @property
+    def cell_m(self) -> float:
+        """Side of a cell [m]."""
+        return self.cell_mm * units.MM
+
+    @property
     def is_narrow(self) -> bool:
         """Whether the lobe of a cell may change over the Sun's disc."""
         return self.specular > 0.0

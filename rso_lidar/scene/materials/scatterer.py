@@ -81,6 +81,11 @@ class Scatterer(ABC):
         """Standard deviation of the slope of the surface's cells along any direction; 0 where it has no cells."""
         return 0.0
 
+    @property
+    def cell_m(self) -> float:
+        """Side of the surface's cells [m], which decides how many rays sample them; assumed where a material has cells."""
+        return 0.05
+
     def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
         """Tilt the normals of a surface to those of its structure.
 
