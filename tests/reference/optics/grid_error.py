@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rso_lidar.optics.rays.cell_light import VARIANCE_PER_BEND
+from rso_lidar.optics.rays.grid_error import VARIANCE_PER_BEND
 
 
 def sum_squared_bends(pixel, weight, col, row, light, variance):
