@@ -39,9 +39,6 @@ def cast_pixels(
             aperture_m=receiver.aperture_m,
         )
 
-    if receiver.rays_per_pixel is not None:
-        hits = cast(optics.pixel_rays(receiver, laser, extent))
-        return optics.estimate_grid_variance(hits, optics.pixel_photons(hits, laser, receiver), receiver)
     contours = scene.contours(surfaces, truth, least_crease=_CREASE * receiver.sampling_error)
     lines = optics.ScanLines(receiver, laser, extent, contours, scene.find_textures(surfaces, truth))
     hits = cast(lines.rays)

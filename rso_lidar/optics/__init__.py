@@ -10,9 +10,7 @@ if TYPE_CHECKING:
     from rso_lidar.optics.lens.internal_reflections import Ghost
     from rso_lidar.optics.lens.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
     from rso_lidar.optics.lens.surface_scatter import Baffle, Glare
-    from rso_lidar.optics.rays.grid_error import estimate_grid_variance
-    from rso_lidar.optics.rays.pixel_rays import pixel_rays
-    from rso_lidar.optics.rays.scan_lines import ScanLines
+    from rso_lidar.optics.rays.scan_lines import ScanLines, pixel_rays
     from rso_lidar.optics.receiver import Receiver
     from rso_lidar.optics.returns.blur import read_files
     from rso_lidar.optics.returns.pulse_average import assign_pulses, average_pulses
@@ -44,7 +42,6 @@ __all__ = [
     "assign_pulses",
     "average_pulses",
     "collect",
-    "estimate_grid_variance",
     "oversample",
     "pixel_photons",
     "pixel_rays",

@@ -1,7 +1,5 @@
 """Line sampling: the rays of one flash along scan lines that contours cut, and the error that they leave."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any
@@ -10,10 +8,8 @@ import numpy as np
 
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
-from rso_lidar.optics.rays.cells import boxes_in_cells, outlines_in_cells
 from rso_lidar.optics.rays.contour_images import GAUSSIAN_REACH, cut_contours, image_contours
-from rso_lidar.optics.rays.coverage import find_owners
-from rso_lidar.optics.rays.ray_grid import normalise
+from rso_lidar.optics.rays.outlines import cover_pixels, image_bounds, image_outlines
 from rso_lidar.optics.rays.slabs import NOISE_SHARE, correct_variance, place_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
@@ -40,8 +36,11 @@ class ScanLines:
     that the line stands for. Nothing is drawn at random.
 
     The number of slabs follows from the contours, in a first round from all of them. The light that its rays meet tells
-    which contours are visible, and how bright a pixel is. Where the error may then be more than `Receiver.sampling_error` of
-    the pixel's light and more than a third of its photon noise, the pixel is sampled anew with more slabs.
+    which contours are visible, and how bright a pixel is. If the error of the frame may then be more than
+    `Receiver.sampling_error`, the pixels that contribute most to it are sampled anew with more slabs.
+
+    With `Receiver.rays_per_pixel` = k², contours count only of targets whose bounds get fewer than `min_rays_per_target`
+    rays. Elsewhere each pixel has k lines with k rays each.
 
     Parameters
     ----------
@@ -53,32 +52,35 @@ class ScanLines:
     def __init__(
         self, receiver: Receiver, laser: Laser, extent: Extent, contours: Contours, textures: np.ndarray
     ) -> None:
-        self._receiver = receiver
-        n_rows, n_cols = receiver.shape
-        reach = np.inf
+        self._receiver, reach = receiver, np.inf
         if laser.offset is None and receiver.filter_width_nm is None:
             reach = laser.half_width_tangent * (GAUSSIAN_REACH if laser.footprint == "gaussian" else 1.0)
-        boxes, outlines = boxes_in_cells(receiver, extent, reach, 1), outlines_in_cells(receiver, extent, 1)
-        least, per_side = _rays_per_side(receiver, laser, textures)
-        owner, self._top, self._left, _ = find_owners(boxes, per_side // least, *outlines, 1, n_rows, n_cols)
-        height, width = owner.shape
-        self._window = slice(self._top, self._top + height), slice(self._left, self._left + width)
+        bounds, outlines = image_bounds(receiver, extent, reach), image_outlines(receiver, extent)
+        ends, steps = contours.ends, contours.step_per_sr_m2
+        if receiver.rays_per_pixel is None:
+            per_side = _rays_per_side(receiver, laser, textures)
+        else:
+            per_side = np.full(len(bounds), receiver.rays_per_side, np.int64)
+            rays = (bounds[:, 1] - bounds[:, 0]).prod(axis=1) * receiver.rays_per_pixel
+            is_cut = (rays < receiver.min_rays_per_target)[contours.surface]
+            ends, steps = ends[is_cut], steps[is_cut]
+        self._sides, top, left = cover_pixels(bounds, *outlines, per_side, *receiver.shape)
+        self._window = slice(top, top + self._sides.shape[0]), slice(left, left + self._sides.shape[1])
         self._pieces = cut_contours(
-            *image_contours(receiver, laser, contours), (self._top, self._top + height, self._left, self._left + width)
+            *image_contours(receiver, laser, ends, steps),
+            (top, top + self._sides.shape[0], left, left + self._sides.shape[1]),
         )
-        self._is_crossed = (np.diff(self._pieces[0]) > 0).reshape(height, width)
-        self._sides = np.where((owner == 0) | self._is_crossed, least, 0)
-        self._sides[owner > 0] = per_side[owner[owner > 0] - 1]
-        self._place(self._sides, np.full((height, width), -1.0), _NARROW)
+        self._is_crossed = (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
+        self._place(self._sides, np.full(self._sides.shape, -1.0), _NARROW)
 
     def _place(self, sides: np.ndarray, allowed: np.ndarray, narrow: float) -> None:
         """Place the rays of some pixels of the window; the parameters are those of `slabs.place_rays`."""
-        error = self._receiver.sampling_error
+        error, (rows, cols) = self._receiver.sampling_error, self._window
         point, pixel, weight, self._jump, known = place_rays(
             *self._pieces,
             packed(sides),
-            self._top,
-            self._left,
+            rows.start,
+            cols.start,
             self._receiver.n_cols,
             packed(allowed),
             _ROUGH * error,
@@ -112,9 +114,11 @@ class ScanLines:
         by_ray = packed(rays.pixel), packed(rays.weight), self._jump, light
         by_pixel = variance.reshape(-1), seen.reshape(-1), total.reshape(-1)
         correct_variance(*by_ray, *by_pixel, _PER_STEP, _PER_TEXTURE, _PER_TWIST)
-        if before is not None:
-            return _replace_pixels(before, replace(hits, photons_variance=variance)), False
         hits = replace(hits, photons_variance=variance)
+        if before is not None:
+            return _replace_pixels(before, hits), False
+        if self._receiver.rays_per_pixel is not None:
+            return hits, False
         allowed = self._find_missed(variance[self._window], total[self._window])
         if not allowed.any():
             return hits, False
@@ -166,7 +170,9 @@ def _replace_pixels(hits: Hits, finer: Hits) -> Hits:
         if spec.dims == ("hit",) and getattr(hits, name) is not None
     }
     columns["ray"] = place[join(hits.ray, finer.ray + np.int32(len(hits.rays.pixel)), of_hits)]
-    columns["photons_variance"] = np.where(is_finer, finer.photons_variance, hits.photons_variance)
+    columns["photons_variance"] = np.where(
+        is_finer, np.asarray(finer.photons_variance), np.asarray(hits.photons_variance)
+    )
     return Hits(Rays(hits.rays.shape, direction.T, pixel, weight), **columns)
 
 
@@ -190,8 +196,18 @@ def merge_pixels(before: np.ndarray, after: np.ndarray, is_replaced: np.ndarray)
     return order[:n].copy()
 
 
-def _rays_per_side(receiver: Receiver, laser: Laser, textures: np.ndarray) -> tuple[int, np.ndarray]:
-    """Return the number of rays along the side of a pixel that no contour crosses, in general and for each target.
+@kernel
+def normalise(direction: np.ndarray) -> None:
+    """Turn x and y (xyz, ray) of directions (x, y, 1) into unit vectors, in place."""
+    x, y, z = direction[0], direction[1], direction[2]
+    for m in range(direction.shape[1]):
+        z[m] = 1.0 / math.sqrt(1.0 + x[m] * x[m] + y[m] * y[m])
+        x[m] *= z[m]
+        y[m] *= z[m]
+
+
+def _rays_per_side(receiver: Receiver, laser: Laser, textures: np.ndarray) -> np.ndarray:
+    """Return the number of rays (target) along the side of a pixel that no contour crosses.
 
     N rays through n cells of even light of different brightness, with a relative spread c, have the relative error
     0.54 c n^(1/4) / N^(3/4): the error of the area within an outline on a lattice (0.0724 u³ for each unit of length, with
@@ -202,4 +218,26 @@ def _rays_per_side(receiver: Receiver, laser: Laser, textures: np.ndarray) -> tu
         least = max(least, min(math.ceil(2.0 * receiver.pixel_tangent / laser.cell_tangent), _MOST_PER_SIDE))
     cells = (receiver.pixel_tangent / textures) ** 2
     rays = (_ERROR_OF_CELLS * _CONTRAST / receiver.sampling_error) ** (4.0 / 3.0) * np.cbrt(cells)
-    return least, packed(np.clip(np.ceil(np.sqrt(rays)), least, _MOST_PER_SIDE).astype(np.int64))
+    return packed(np.clip(np.ceil(np.sqrt(rays)), least, _MOST_PER_SIDE).astype(np.int64))
+
+
+def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
+    """Make a fixed grid of rays, k x k through each pixel that a target's bounds may touch.
+
+    A ray's weight is its share of the pixel's area. The rays of a line are shifted against those of other lines and other
+    pixels by an even sequence, so that they do not lie along edges. Pixels outside the laser's footprint get no rays, unless
+    the laser is beside the lens or sunlight is simulated. The edge of a beam cuts the lines that cross it.
+
+    Parameters
+    ----------
+    receiver : the lens and the focal plane; k² is `rays_per_pixel`, or 16
+    laser : gives the footprint
+    extent : where targets can be
+
+    Returns
+    -------
+    Rays ordered by pixel.
+    """
+    grid = receiver.replace(rays_per_pixel=receiver.rays_per_side**2)
+    none = Contours(np.empty((0, 4)), np.empty(0), np.empty(0, np.int16))
+    return ScanLines(grid, laser, extent, none, np.full(len(extent.low), np.inf)).rays

@@ -18,7 +18,8 @@ _FIRST_SLABS, _MOST_SLABS = 3, 64  # with more ends
 _BINS = 64  # of rows, in which the ends of contours are sorted
 _FEW_INTERVALS = 12  # of a line that all get a ray, however narrow they are
 _GAUSS = 0.5 - 0.5 / math.sqrt(3.0)
-_GOLDEN = 0.6180339887498949  # steps of a sequence that fills an interval evenly
+# Steps of sequences that fill an interval evenly, from line to line and from pixel to pixel:
+_GOLDEN, _PLASTIC = 0.6180339887498949, 0.7548776662466927
 _SAME = 1e-6  # pixels: nearer ends are one
 _LEAST_WIDTH = 1e-3  # pixels: an upright contour counts as one so wide
 # How a ray follows the one before it, in `jump`: the line's first, the second of a pair, one of many in a texture. A
@@ -320,13 +321,13 @@ def place_rays(
     crossing, by, spare = np.empty(4096), np.empty(4096, np.int64), (np.empty(4096, np.int64), np.empty(4096))
     size = 3 * len(pieces) + 4 * height * width + 4096
     point, pixel, weight, jump = np.empty((2, size)), np.empty(size, np.int32), np.empty(size), np.empty(size)
-    n, turn = 0, 0.0
+    n = 0
     for p in range(height * width):
         row, col = p // width, p % width
         sides = per_side[row, col]
         if sides == 0:
             continue
-        begin, end = starts[p], starts[p + 1]
+        begin, end, pixel_of = starts[p], starts[p + 1], (first_row + row) * n_cols + first_col + col
         slabs, variance[row, col] = choose_slabs(
             pieces, steps, begin, end, allowed[row, col], rough, steep, edges, room
         )
@@ -346,7 +347,7 @@ def place_rays(
         for line in range(lines):
             first, last = line_starts[line], line_starts[line + 1]
             y, h = line_row[line], line_height[line]
-            turn += _GOLDEN
+            turn = pixel_of * _PLASTIC + line * _GOLDEN
             turn -= math.floor(turn)
             least = narrow * (crossing[last - 1] - crossing[first]) if last - first > _FEW_INTERVALS else 0.0
             left, step, shared, uncertain = 0.0, LINE, 0.0, 0.0
@@ -373,10 +374,10 @@ def place_rays(
                     at = (r + turn) / rays
                     if sides == 2 and rays == 2:
                         at = _GAUSS if r == 0 else 1.0 - _GAUSS
-                    elif sides == 2 and shared == 0.0:
+                    elif rays == 1 and shared == 0.0:
                         at = 0.5
                     point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
-                    pixel[n], weight[n] = (first_row + row) * n_cols + first_col + col, across * h / rays
+                    pixel[n], weight[n] = pixel_of, across * h / rays
                     jump[n] = step if r == 0 else (PAIR if sides == 2 else TEXTURE)
                     n += 1
                 if shared > 0.0:
