@@ -2,12 +2,13 @@
 
 Beside it stands a dense lattice of rays, for scenes with lenses, lasers and materials that polygons do not cover.
 
-Facets are projected into the tangent plane z = 1 of the lidar axes, where a pinhole lens images a straight edge as a straight
-line. The inverse of a facet's depth is linear there: n·(x, y, 1) / d for the plane n·p = d. So facet j hides facet i in a
+Facets are projected into the tangent plane z = 1 of the lidar axes, where a pinhole lens images straight edges as straight
+lines. The inverse of a facet's depth is linear there: n·(x, y, 1) / d for the plane n·p = d. So facet j hides facet i in a
 convex region, which is bounded by three edges of j and by the line where both are equally deep.
 """
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -51,7 +52,7 @@ def exact_photons(triangles, brdf, receiver, laser, pixels=None, tolerance=1e-7)
         square = _clip_to_beam(_pixel_square(receiver, number), beam)
         for i, polygons in image.find_visible(square, _SLIVER * receiver.pixel_tangent**2):
             for polygon in polygons:
-                fan = [(polygon[0], b, c) for b, c in zip(polygon[1:-1], polygon[2:], strict=True)]
+                fan = [(polygon[0], b, c) for b, c in pairwise(polygon[1:])]
                 seen += fan
                 facet += [i] * len(fan)
                 pixel += [number] * len(fan)
@@ -221,8 +222,7 @@ def _area(polygon):
     if len(polygon) < 3:
         return 0.0
     x, y = polygon[0]
-    pairs = zip(polygon[1:-1], polygon[2:], strict=True)
-    return 0.5 * abs(sum((b[0] - x) * (c[1] - y) - (b[1] - y) * (c[0] - x) for b, c in pairs))
+    return 0.5 * abs(sum((b[0] - x) * (c[1] - y) - (b[1] - y) * (c[0] - x) for b, c in pairwise(polygon[1:])))
 
 
 def _pixel_square(receiver, number):
