@@ -1,4 +1,4 @@
-"""How time is taken: wall clock, in turns, so that what else the machine does hits all alike."""
+"""How time is taken: in turns, so that what else the machine does hits all alike; wall clock or CPU."""
 
 import math
 import multiprocessing
@@ -12,24 +12,25 @@ import numpy as np
 SLOT_S = 0.06  # one turn lasts so long at least: short works are repeated in it
 
 Work = Callable[[], Any]
+Timer = Callable[[], float]
 
 
-def seconds(work: Work, times: int = 1) -> float:
+def seconds(work: Work, times: int = 1, timer: Timer = time.perf_counter) -> float:
     """Return the seconds that one call takes, on the average over `times`."""
-    start = time.perf_counter()
+    start = timer()
     for _ in range(times):
         work()
-    return (time.perf_counter() - start) / times
+    return (timer() - start) / times
 
 
-def pairs(ours: Work, peer: Work, n: int) -> np.ndarray:
+def pairs(ours: Work, peer: Work, n: int, timer: Timer = time.perf_counter) -> np.ndarray:
     """Return the seconds (pair, ours_peer) of two works that take turns, both warm."""
     works = (ours, peer)
     times = []
     for work in works:
         work()
-        times.append(math.ceil(SLOT_S / max(seconds(work), 1e-6)))
-    return np.array([[seconds(work, many) for work, many in zip(works, times, strict=True)] for _ in range(n)])
+        times.append(math.ceil(SLOT_S / max(seconds(work, 1, timer), 1e-6)))
+    return np.array([[seconds(work, many, timer) for work, many in zip(works, times, strict=True)] for _ in range(n)])
 
 
 def quartiles(values: np.ndarray, form: str = ".2f") -> str:

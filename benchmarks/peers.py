@@ -1,31 +1,39 @@
 """The same mesh, rays and machine, by others: bare embree, Open3D, Mitsuba 3 and mitransient, each in pairs with ours.
 
-What a peer is given it gets ready-made: rays of float32 in the target's own axes. Ours start from directions of float64 in
-lidar axes and turn them; both end with NumPy arrays.
+A second table compares a default flash with mitransient at equal error. What a peer of the first table is given it gets
+ready-made: rays of float32 in the target's own axes. Ours start from directions of float64 in lidar axes and turn them; both
+end with NumPy arrays.
 """
 
+import math
 import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import count, pairwise
 
 import numpy as np
 
 import rso_lidar as rl
-from benchmarks import scenes
-from benchmarks.clock import Work, pairs, quartiles
+from benchmarks import sampling, scenes
+from benchmarks.clock import Work, pairs, quartiles, seconds
 from benchmarks.report import Findings, Target, table
 from rso_lidar import optics, scene
-from rso_lidar.records import Extent
+from rso_lidar.records import Extent, Truth
 from rso_lidar.simulation import flash
 
 BANDS = 16
 BINS = 20
 REFLECTANCE = 0.30
 WALK_FRAMES = 40
-# Whole walk over mitransient, and bare embree under a flash on one thread.
-GOALS = {"TDRS, 300 m": (2.0, 1.0), "TDRS, 1 km": (4.0, 1.6), "TDRS, 3 km": (8.0, 5.0)}
+SCENES = ("TDRS, 300 m", "TDRS, 1 km", "TDRS, 3 km")
+# At equal error: CPU of mitransient with independent samples over that of a default flash, by range in metres.
+GOALS = {300.0: 14.0, 1000.0: 60.0, 3000.0: 180.0}
+SAMPLERS = ("independent", "stratified", "multijitter")
+JUDGED = "independent"
+FINEST = 64  # samples per side of a pixel in mitransient's own reference
+SEEDS = 4  # renders of which the error is averaged
 
 
 class Bench:
@@ -138,14 +146,19 @@ def mitsuba(*, normals: bool, ours: bool = False) -> Callable[[Bench], Work]:
 def mitransient(bench: Bench) -> Work:
     """Return mitransient's histogram of 20 bins for each pixel, from 16 samples a pixel; it has no detector."""
     mi, _ = _mitsuba()
+    return renders(mi, bench.scenario, bench.truth, "independent", bench.receiver.rays_per_pixel)
+
+
+def renders(mi: object, scenario: rl.Scenario, truth: Truth, sampler: str, samples: int) -> Work:
+    """Return mitransient's histogram (row, col, bin, 1) of a scene with one target, each time by another seed."""
     import mitransient as _registers_its_plugins  # noqa: F401
 
-    pose = bench.truth.pose("lidar", bench.surface.name)
+    surface, (rows, cols) = scenario.surfaces[0], scenario.lidar.receiver.shape
+    pose = truth.pose("lidar", surface.name)
     distance_m = float(np.linalg.norm(pose.translation))
     # The target stands at the origin, where float32 is finest; +y is down in lidar axes.
-    corners = pose.apply(bench.surface.corners.reshape(-1, 3)) - np.array([0.0, 0.0, distance_m])
+    corners = pose.apply(surface.corners.reshape(-1, 3)) - np.array([0.0, 0.0, distance_m])
     lens = mi.ScalarTransform4f().look_at(origin=[0, 0, -distance_m], target=[0, 0, 0], up=[0, -1, 0])
-    rows, cols = bench.receiver.shape
     film = {
         "type": "transient_hdr_film",
         "width": cols,
@@ -163,24 +176,24 @@ def mitransient(bench: Bench) -> Work:
         "near_clip": 0.01,
         "far_clip": 2.0 * distance_m,
         "film": film,
-        "sampler": {"type": "independent", "sample_count": bench.receiver.rays_per_pixel},
+        "sampler": {"type": sampler, "sample_count": samples},
     }
     beam = {"type": "uniform", "value": 1.0 / np.pi}
     laser = {"type": "projector", "fov": scenes.FOV_DEG, "to_world": lens, "irradiance": beam}
     path = {"type": "transient_path", "max_depth": 2}
     target = _mesh(mi, corners)
     world = mi.load_dict({"type": "scene", "integrator": path, "sensor": sensor, "laser": laser, "target": target})
-    seeds = iter(range(1_000_000))
+    seeds = count()
     return lambda: np.array(mi.render(world, seed=next(seeds))[1])
 
 
-def _mitsuba() -> tuple[object, object]:
-    """Return Mitsuba with its compiled variant on two threads, and Dr.Jit."""
+def _mitsuba(threads: int = 2) -> tuple[object, object]:
+    """Return Mitsuba with its compiled variant, and Dr.Jit. One thread is the calling one."""
     import drjit as dr
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_mono")
-    dr.set_thread_count(2)
+    dr.set_thread_count(threads)
     return mi, dr
 
 
@@ -253,41 +266,87 @@ def compared(name: str, n: int) -> tuple[list[tuple[str, ...]], dict[tuple[str, 
 
 
 def judged(name: str, ratios: dict[tuple[str, str], np.ndarray]) -> list[Target]:
-    """Return what the issue wanted of these ratios."""
-    found = []
+    """Return what was wanted of the ratios of the first scene."""
+    ratio = ratios.get(("cast, 2 threads", WHOLE_MITSUBA.name))
+    if name != SCENES[0] or ratio is None:
+        return []
+    what = f"{name}: hit records, beside Mitsuba's with normals, whole field"
+    return [Target(what, "no slower", f"{quartiles(ratio)} ×", bool(np.median(ratio) >= 1.0))]
 
-    def faster(what: str, ours: str, peer: Peer, wanted: float) -> None:
-        if (ours, peer.name) in ratios:
-            ratio = ratios[ours, peer.name]
-            said = "no slower" if wanted == 1.0 else f"at least {wanted:.3g} ×"
-            found.append(Target(what, said, f"{quartiles(ratio)} ×", bool(np.median(ratio) >= wanted)))
 
-    def at_most(what: str, ours: str, peer: Peer, wanted: float) -> None:
-        if (ours, peer.name) in ratios:
-            ratio = 1.0 / ratios[ours, peer.name]
-            found.append(
-                Target(what, f"at most {wanted:g} ×", f"{quartiles(ratio)} ×", bool(np.median(ratio) <= wanted))
-            )
+def at_equal_error(range_m: float, n: int) -> tuple[list[tuple[str, ...]], list[Target]]:
+    """Return rows and targets of a default flash beside mitransient with as many samples as its error needs."""
+    mi, _ = _mitsuba(threads=1)
+    scenario, truth = sampling.first_flash(range_m)
+    light = sampling.pixel_light(scenario, sampling.cast(scenario, truth))
+    error = sampling.rms_error(light, sampling.lattice_light(scenario, truth, sampling.COUNTS[-1]))
+    reference = _image(renders(mi, scenario, truth, "multijitter", FINEST**2))
+    rows, targets = [], []
+    for sampler in SAMPLERS:
 
-    walk, bare = GOALS[name]
-    if name == "TDRS, 300 m":
-        faster(
-            f"{name}: hit records, beside Mitsuba's with normals, whole field", "cast, 2 threads", WHOLE_MITSUBA, 1.0
-        )
-    faster(f"{name}: frames, faster than noise-free mitransient", "whole walk, 2 threads", MITRANSIENT, walk)
-    at_most(
-        f"{name}: one flash over bare embree (embreex, ray by ray), both on one thread", "flash, 1 thread", ONE, bare
-    )
-    return found
+        def render(side: int, sampler: str = sampler) -> Work:
+            return renders(mi, scenario, truth, sampler, side**2)
+
+        side = cheapest_side(render, reference, error)
+        took = pairs(lambda: flash(scenario, truth, scenario.rng(0), 1), render(side), n, time.thread_time)
+        ratio, (mine, other) = took[:, 1] / took[:, 0], (f"{1e3 * took_s:.1f}" for took_s in np.median(took, axis=0))
+        theirs = f"{100.0 * _mean_error(render(side), reference):.1f} %"
+        name = f"TDRS, {range_m:g} m"
+        rows.append((name, sampler, f"{100.0 * error:.1f} %", mine, theirs, f"{side**2:,}", other, quartiles(ratio)))
+        if sampler == JUDGED:
+            what = f"{name}: CPU of mitransient, {sampler} samples, over that of a default flash at equal error"
+            met = bool(np.median(ratio) >= GOALS[range_m])
+            targets.append(Target(what, f"at least {GOALS[range_m]:g} ×", f"{quartiles(ratio)} ×", met))
+    return rows, targets
+
+
+def cheapest_side(render: Callable[[int], Work], reference: np.ndarray, error: float) -> int:
+    """Return the side of the grid of samples in a pixel that reaches an error in the least CPU time.
+
+    It is the least side, or the next power of two: that is often faster, because Mitsuba divides by it.
+    """
+    low, high = 1, FINEST
+    while high - low > 1:
+        side = (low + high) // 2
+        low, high = (low, side) if _mean_error(render(side), reference) <= error else (side, high)
+    return min((high, 2 ** math.ceil(math.log2(high))), key=lambda side: min(_cpu_times(render(side))))
+
+
+def _cpu_times(work: Work) -> list[float]:
+    """Return the CPU times of some calls, warm."""
+    work()
+    return [seconds(work, 1, time.thread_time) for _ in range(3)]
+
+
+def _mean_error(work: Work, reference: np.ndarray) -> float:
+    """Return the rms error of the light of some renders by different seeds."""
+    return math.sqrt(np.mean([sampling.rms_error(_image(work), reference) ** 2 for _ in range(SEEDS)]))
+
+
+def _image(work: Work) -> np.ndarray:
+    """Render once; return the light (pixel,) in all bins."""
+    return work().sum(axis=(2, 3), dtype=float).ravel()
 
 
 def run(*, quick: bool) -> Findings:
-    """Return the table of all pairs, and what was wanted of them."""
-    rows, targets = [], []
-    for name in GOALS:
+    """Return the table of all pairs, that at equal error, and what was wanted of them."""
+    rows, equal, targets, n = [], [], [], 7 if quick else 11
+    for name in SCENES:
         print(f"peers: {name}", file=sys.stderr)
-        made, ratios = compared(name, 7 if quick else 11)
+        made, ratios = compared(name, n)
         rows += made
         targets += judged(name, ratios)
-    header = ("scene", "ours", "peer", "ours [ms]", "peer [ms]", "peer / ours")
-    return Findings({"peers": table(header, rows, left=3)}, targets)
+    columns = ("scene", "ours", "peer", "ours [ms]", "peer [ms]", "peer / ours")
+    blocks = {"peers": table(columns, rows, left=3)}
+    try:
+        for range_m in GOALS:
+            print(f"peers: at equal error, {range_m:g} m", file=sys.stderr)
+            made, wanted = at_equal_error(range_m, n)
+            equal += made
+            targets += wanted
+    except ImportError as error:
+        print(f"skipped: {MITRANSIENT.name}: {error} ({MITRANSIENT.install})")
+    else:
+        mine, theirs = ("our error", "our CPU [ms]"), ("its error", "a pixel", "its CPU [ms]", "its / ours")
+        blocks["equal error"] = table(("scene", "samples of mitransient", *mine, *theirs), equal, left=2)
+    return Findings(blocks, targets)
