@@ -23,7 +23,7 @@ _AIM = 0.7  # error in a second round, over the one that is asked for
 _DIM = 1e-3  # a pixel with less light, over the brightest, counts as if it had so much
 _MOST_PER_SIDE = 32  # rays
 # The label's variance over what is expected, fitted to the scenes of tests/physics/sampling_scenes.py:
-_PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.35, 0.3, 0.1
+_PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.35, 0.2, 0.1
 _ERROR_OF_CELLS = 0.54
 _CONTRAST = 2.0  # assumed: spread of the light of cells of foil, over its mean
 
@@ -76,7 +76,7 @@ class ScanLines:
     def _place(self, sides: np.ndarray, allowed: np.ndarray, narrow: float) -> None:
         """Place the rays of some pixels of the window; the parameters are those of `slabs.place_rays`."""
         error, (rows, cols) = self._receiver.sampling_error, self._window
-        point, pixel, weight, self._jump, known = place_rays(
+        point, pixel, weight, *self._follows, known = place_rays(
             *self._pieces,
             packed(sides),
             rows.start,
@@ -108,10 +108,10 @@ class ScanLines:
         The hits with the variance of each pixel's photons that sampling leaves, and whether another round is needed.
         """
         rays = self.rays
-        light = np.zeros(len(self._jump))
+        light = np.zeros(len(rays.pixel))
         light[hits.ray] = photons
         variance, (seen, total) = self._variance, np.zeros((2, *self._variance.shape))
-        by_ray = packed(rays.pixel), packed(rays.weight), self._jump, light
+        by_ray = packed(rays.pixel), packed(rays.weight), *self._follows, light
         by_pixel = variance.reshape(-1), seen.reshape(-1), total.reshape(-1)
         correct_variance(*by_ray, *by_pixel, _PER_STEP, _PER_TEXTURE, _PER_TWIST)
         hits = replace(hits, photons_variance=variance)

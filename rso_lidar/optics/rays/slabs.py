@@ -22,9 +22,9 @@ _GAUSS = 0.5 - 0.5 / math.sqrt(3.0)
 _GOLDEN, _PLASTIC = 0.6180339887498949, 0.7548776662466927
 _SAME = 1e-6  # pixels: nearer ends are one
 _LEAST_WIDTH = 1e-3  # pixels: an upright contour counts as one so wide
-# How a ray follows the one before it, in `jump`: the line's first, the second of a pair, one of many in a texture. A
-# positive number is the step of the contour between the two.
-LINE, PAIR, TEXTURE = -1.0, 0.0, -2.0
+# How a ray follows the one before it: it is the first of a line, there is a contour between the two, it is the second of a
+# pair at the points of Gauss, or one of many in an interval that may have a texture.
+LINE, CONTOUR, PAIR, TEXTURE = range(4)
 NOISE_SHARE = 1.0 / 3.0  # of its photon noise: so much error a pixel may have in any case
 
 
@@ -279,6 +279,40 @@ def cross_lines(
 
 
 @kernel
+def expect_changes(
+    pieces: np.ndarray,
+    steps: np.ndarray,
+    begin: int,
+    end: int,
+    row: np.ndarray,
+    lines: int,
+    first: np.ndarray,
+    expected: np.ndarray,
+) -> None:
+    """Find by how much the mean light of each line may differ from that of the line before, if no contour is hidden.
+
+    A contour that covers the width Δx between two lines changes the light by s Δx, with its step s; the squares are added.
+
+    Parameters
+    ----------
+    row, lines, first : as `cross_lines` leaves them
+    expected : (line), written: photons of a whole pixel, 0 for the first line
+    """
+    expected[:lines] = 0.0
+    for i in range(begin, end):
+        upper, lower = pieces[i, 1], pieces[i, 3]
+        width, line = steps[i] * abs(pieces[i, 2] - pieces[i, 0]), max(first[i - begin], 1)
+        while line < lines and row[line - 1] < lower:
+            share = 1.0
+            if lower > upper:
+                share = (min(lower, row[line]) - max(upper, row[line - 1])) / (lower - upper)
+            expected[line] += (width * share) ** 2
+            line += 1
+    for line in range(lines):
+        expected[line] = math.sqrt(expected[line])
+
+
+@kernel
 def place_rays(
     starts: np.ndarray,
     pieces: np.ndarray,
@@ -291,7 +325,7 @@ def place_rays(
     rough: float,
     narrow: float,
     steep: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Place the rays of the pixels in a window.
 
     Parameters
@@ -307,8 +341,10 @@ def place_rays(
 
     Returns
     -------
-    Points (col_row, ray) on the focal plane [pixels]; pixels and weights (ray); how each ray follows the one before, as
-    at the top of this module (ray). Variance (row, col) of the photons of the window's pixels if no contour is hidden.
+    Points (col_row, ray) on the focal plane [pixels]; pixels and weights (ray). How each ray follows the one before (ray),
+    as at the top of this module, and the step of light between them if no contour is hidden; of a line's first ray, the
+    change of the line's mean light from the line before. Variance (row, col) of the photons of the window's pixels, if no
+    contour is hidden.
     """
     height, width = per_side.shape
     variance, most = np.zeros(per_side.shape), 0
@@ -318,9 +354,11 @@ def place_rays(
     many = (_MOST_SLABS + 2) * (1 + per_side.max())
     line_row, line_height, line_starts = np.empty(many), np.empty(many), np.empty(many + 1, np.int64)
     filled, first_line = np.empty(many, np.int64), np.empty(most, np.int64)
+    expected = np.empty(many + 1)
     crossing, by, spare = np.empty(4096), np.empty(4096, np.int64), (np.empty(4096, np.int64), np.empty(4096))
     size = 3 * len(pieces) + 4 * height * width + 4096
-    point, pixel, weight, jump = np.empty((2, size)), np.empty(size, np.int32), np.empty(size), np.empty(size)
+    point, pixel, weight = np.empty((2, size)), np.empty(size, np.int32), np.empty(size)
+    kind, change = np.empty(size, np.int8), np.empty(size)
     n = 0
     for p in range(height * width):
         row, col = p // width, p % width
@@ -335,14 +373,16 @@ def place_rays(
         crossing, by, spare = cross_lines(
             pieces, begin, end, line_row, lines, line_starts, filled, first_line, crossing, by, spare
         )
+        expect_changes(pieces, steps, begin, end, line_row, lines, first_line, expected)
         needed = n + line_starts[lines] + lines * (sides + 2)
         if needed > size:
             size = 2 * needed
-            point, pixel, weight, jump = (
+            point, pixel, weight, kind, change = (
                 np.concatenate((point, np.empty((2, size - point.shape[1]))), axis=1),
                 np.concatenate((pixel, np.empty(size - len(pixel), np.int32))),
                 np.concatenate((weight, np.empty(size - len(weight)))),
-                np.concatenate((jump, np.empty(size - len(jump)))),
+                np.concatenate((kind, np.empty(size - len(kind), np.int8))),
+                np.concatenate((change, np.empty(size - len(change)))),
             )
         for line in range(lines):
             first, last = line_starts[line], line_starts[line + 1]
@@ -350,11 +390,11 @@ def place_rays(
             turn = pixel_of * _PLASTIC + line * _GOLDEN
             turn -= math.floor(turn)
             least = narrow * (crossing[last - 1] - crossing[first]) if last - first > _FEW_INTERVALS else 0.0
-            left, step, shared, uncertain = 0.0, LINE, 0.0, 0.0
+            left, step, shared, uncertain, is_first = 0.0, expected[line], 0.0, 0.0, True
             for k in range(first, last + 1):
                 across = (crossing[k] if k < last else 1.0) - left
                 if k > first:
-                    if step != LINE:
+                    if not is_first:
                         step = max(step, steps[by[k - 1]])
                     if k < last:
                         uncertain += estimate_meeting(
@@ -378,13 +418,14 @@ def place_rays(
                         at = 0.5
                     point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
                     pixel[n], weight[n] = pixel_of, across * h / rays
-                    jump[n] = step if r == 0 else (PAIR if sides == 2 else TEXTURE)
+                    kind[n] = (LINE if is_first else CONTOUR) if r == 0 else (PAIR if sides == 2 else TEXTURE)
+                    change[n] = step if r == 0 else 0.0
                     n += 1
                 if shared > 0.0:
                     uncertain += (shared * across * h) ** 2 / 6.0
-                left, step, shared = left + across, 0.0, 0.0
+                left, step, shared, is_first = left + across, 0.0, 0.0, False
             variance[row, col] += uncertain
-    return point[:, :n], pixel[:n], weight[:n], jump[:n], variance
+    return point[:, :n], pixel[:n], weight[:n], kind[:n], change[:n], variance
 
 
 @kernel
@@ -413,7 +454,8 @@ def estimate_meeting(
 def correct_variance(
     pixel: np.ndarray,
     weight: np.ndarray,
-    jump: np.ndarray,
+    kind: np.ndarray,
+    change: np.ndarray,
     light: np.ndarray,
     variance: np.ndarray,
     seen: np.ndarray,
@@ -424,12 +466,13 @@ def correct_variance(
 ) -> None:
     """Correct the variance of pixels by what their rays met.
 
-    A hidden contour changes nothing: the variance due to contours is multiplied by the squared steps of light that were
-    met, over those that were expected. In pixels without contours, differences of light between rays are added.
+    A hidden contour changes nothing: the variance due to contours is multiplied by the squared changes of light that were
+    met from line to line, over those that were expected; in pixels of one line, by those along the line. In pixels
+    without contours, differences of light between rays and lines are added.
 
     Parameters
     ----------
-    pixel, weight, jump : (ray) as `place_rays` returns them
+    pixel, weight, kind, change : (ray) as `place_rays` returns them
     light : (ray) photons of a whole pixel that is as bright as the ray's hit
     variance : (pixel), changed
     seen, photons : (pixel), written: by what the variance due to contours was multiplied, and the pixel's photons
@@ -438,19 +481,34 @@ def correct_variance(
     """
     n, i = len(pixel), 0
     while i < n:
-        first = i
-        met, expected, uneven, total = 0.0, 0.0, 0.0, 0.0
+        first, total, uneven = i, 0.0, 0.0
+        met, expected, met_along, expected_along = 0.0, 0.0, 0.0, 0.0
+        before, is_textured = -1.0, False
         while i < n and pixel[i] == pixel[first]:
-            total += weight[i] * light[i]
-            if jump[i] > 0.0:
-                met += min((light[i] - light[i - 1]) ** 2, jump[i] ** 2)
-                expected += jump[i] ** 2
-            elif jump[i] == TEXTURE:
-                uneven += per_texture * (weight[i] * (light[i] - light[i - 1])) ** 2
-            i += 1
-        if i - first == 4 and jump[first + 1] == PAIR and jump[first + 3] == PAIR:
+            start, photons_of_line, height = i, 0.0, 0.0
+            while i < n and pixel[i] == pixel[first] and (i == start or kind[i] != LINE):
+                photons_of_line += weight[i] * light[i]
+                height += weight[i]
+                if kind[i] == CONTOUR:
+                    met_along += min((light[i] - light[i - 1]) ** 2, change[i] ** 2)
+                    expected_along += change[i] ** 2
+                elif kind[i] == TEXTURE:
+                    uneven += per_texture * (weight[i] * (light[i] - light[i - 1])) ** 2
+                    is_textured = True
+                i += 1
+            mean = photons_of_line / height
+            if before >= 0.0:
+                met += min((mean - before) ** 2, change[start] ** 2)
+                expected += change[start] ** 2
+                if change[start] == 0.0 and is_textured:
+                    uneven += ((mean - before) * height) ** 2 / 12.0
+            total += photons_of_line
+            before = mean
+        if i - first == 4 and kind[first + 1] == PAIR and kind[first + 3] == PAIR:
             twist = light[first] - light[first + 1] - light[first + 2] + light[first + 3]
             uneven += per_twist * (weight[first] * twist) ** 2
+        if expected == 0.0:
+            met, expected = met_along, expected_along
         share = per_step * (met / expected if expected > 0.0 else 1.0)
         seen[pixel[first]], photons[pixel[first]] = share, total
         variance[pixel[first]] = share * variance[pixel[first]] + uneven
