@@ -21,7 +21,7 @@ _NARROW_AGAIN = 1.0  # the same in the second round
 _STEEP = 2.5  # change of column with row of contours whose ends do not count, over the width of all contours of a pixel
 _AIM = 0.7  # error in a second round, over the one that is asked for
 _DIM = 1e-3  # a pixel with less light, over the brightest, counts as if it had so much
-_MOST_PER_SIDE = 32  # rays
+_MOST_PER_SIDE = 48  # rays
 # The label's variance over what is expected, fitted to the scenes of tests/physics/sampling_scenes.py:
 _PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.35, 0.2, 0.1
 _ERROR_OF_CELLS = 0.54
@@ -111,9 +111,16 @@ class ScanLines:
         light = np.zeros(len(rays.pixel))
         light[hits.ray] = photons
         variance, (seen, total) = self._variance, np.zeros((2, *self._variance.shape))
-        by_ray = packed(rays.pixel), packed(rays.weight), *self._follows, light
-        by_pixel = variance.reshape(-1), seen.reshape(-1), total.reshape(-1)
-        correct_variance(*by_ray, *by_pixel, _PER_STEP, _PER_TEXTURE, _PER_TWIST)
+        correct_variance(
+            packed(rays.pixel),
+            packed(rays.weight),
+            *self._follows,
+            light,
+            variance.reshape(-1),
+            seen.reshape(-1),
+            total.reshape(-1),
+            (_PER_STEP, _PER_TEXTURE, _PER_TWIST),
+        )
         hits = replace(hits, photons_variance=variance)
         if before is not None:
             return _replace_pixels(before, hits), False
@@ -213,7 +220,9 @@ def _rays_per_side(receiver: Receiver, laser: Laser, textures: np.ndarray) -> np
     0.54 c n^(1/4) / N^(3/4): the error of the area within an outline on a lattice (0.0724 u³ for each unit of length, with
     the spacing u; Matérn 1989), for the outlines of all cells.
     """
-    least = 2 if laser.offset is None else 4  # shadows of a laser beside the lens have no contours
+    least = 2
+    if laser.offset is not None:  # its shadows have no contours: 0.27 / N^(3/4) of a pixel, over half of it
+        least = math.ceil((0.54 / receiver.sampling_error) ** (2.0 / 3.0))
     if laser.footprint == "pattern":
         least = max(least, min(math.ceil(2.0 * receiver.pixel_tangent / laser.cell_tangent), _MOST_PER_SIDE))
     cells = (receiver.pixel_tangent / textures) ** 2

@@ -25,6 +25,8 @@ _LEAST_WIDTH = 1e-3  # pixels: an upright contour counts as one so wide
 # How a ray follows the one before it: it is the first of a line, there is a contour between the two, it is the second of a
 # pair at the points of Gauss, or one of many in an interval that may have a texture.
 LINE, CONTOUR, PAIR, TEXTURE = range(4)
+UNKNOWN = -1.0  # change of light between two lines
+_MOSTLY = 0.6  # share of the squares of all changes between two lines that the greatest has if it outweighs the others
 NOISE_SHARE = 1.0 / 3.0  # of its photon noise: so much error a pixel may have in any case
 
 
@@ -288,17 +290,20 @@ def expect_changes(
     lines: int,
     first: np.ndarray,
     expected: np.ndarray,
+    greatest: np.ndarray,
 ) -> None:
     """Find by how much the mean light of each line may differ from that of the line before, if no contour is hidden.
 
     A contour that covers the width Δx between two lines changes the light by s Δx, with its step s; the squares are added.
+    Where no contour outweighs the others, they may cancel, as both edges of a boom do, and the change is not known.
 
     Parameters
     ----------
     row, lines, first : as `cross_lines` leaves them
-    expected : (line), written: photons of a whole pixel, 0 for the first line
+    expected : (line), written: photons of a whole pixel, 0 for the first line, or `UNKNOWN`
+    greatest : (line), overwritten
     """
-    expected[:lines] = 0.0
+    expected[:lines] = greatest[:lines] = 0.0
     for i in range(begin, end):
         upper, lower = pieces[i, 1], pieces[i, 3]
         width, line = steps[i] * abs(pieces[i, 2] - pieces[i, 0]), max(first[i - begin], 1)
@@ -307,9 +312,10 @@ def expect_changes(
             if lower > upper:
                 share = (min(lower, row[line]) - max(upper, row[line - 1])) / (lower - upper)
             expected[line] += (width * share) ** 2
+            greatest[line] = max(greatest[line], (width * share) ** 2)
             line += 1
     for line in range(lines):
-        expected[line] = math.sqrt(expected[line])
+        expected[line] = math.sqrt(expected[line]) if greatest[line] >= _MOSTLY * expected[line] else UNKNOWN
 
 
 @kernel
@@ -354,7 +360,7 @@ def place_rays(
     many = (_MOST_SLABS + 2) * (1 + per_side.max())
     line_row, line_height, line_starts = np.empty(many), np.empty(many), np.empty(many + 1, np.int64)
     filled, first_line = np.empty(many, np.int64), np.empty(most, np.int64)
-    expected = np.empty(many + 1)
+    expected, greatest = np.empty(many), np.empty(many)
     crossing, by, spare = np.empty(4096), np.empty(4096, np.int64), (np.empty(4096, np.int64), np.empty(4096))
     size = 3 * len(pieces) + 4 * height * width + 4096
     point, pixel, weight = np.empty((2, size)), np.empty(size, np.int32), np.empty(size)
@@ -373,7 +379,7 @@ def place_rays(
         crossing, by, spare = cross_lines(
             pieces, begin, end, line_row, lines, line_starts, filled, first_line, crossing, by, spare
         )
-        expect_changes(pieces, steps, begin, end, line_row, lines, first_line, expected)
+        expect_changes(pieces, steps, begin, end, line_row, lines, first_line, expected, greatest)
         needed = n + line_starts[lines] + lines * (sides + 2)
         if needed > size:
             size = 2 * needed
@@ -460,9 +466,7 @@ def correct_variance(
     variance: np.ndarray,
     seen: np.ndarray,
     photons: np.ndarray,
-    per_step: float,
-    per_texture: float,
-    per_twist: float,
+    calibration: tuple[float, float, float],
 ) -> None:
     """Correct the variance of pixels by what their rays met.
 
@@ -476,9 +480,10 @@ def correct_variance(
     light : (ray) photons of a whole pixel that is as bright as the ray's hit
     variance : (pixel), changed
     seen, photons : (pixel), written: by what the variance due to contours was multiplied, and the pixel's photons
-    per_step, per_texture, per_twist : variance over what is expected, over squared differences of neighbours, and over
-        the squared twist of four rays
+    calibration : variance over what is expected, over squared differences of neighbours, and over the squared twist of
+        four rays
     """
+    per_step, per_texture, per_twist = calibration
     n, i = len(pixel), 0
     while i < n:
         first, total, uneven = i, 0.0, 0.0
@@ -498,9 +503,10 @@ def correct_variance(
                 i += 1
             mean = photons_of_line / height
             if before >= 0.0:
-                met += min((mean - before) ** 2, change[start] ** 2)
-                expected += change[start] ** 2
-                if change[start] == 0.0 and is_textured:
+                if change[start] > 0.0:
+                    met += min((mean - before) ** 2, change[start] ** 2)
+                    expected += change[start] ** 2
+                elif change[start] == 0.0 and is_textured:
                     uneven += ((mean - before) * height) ** 2 / 12.0
             total += photons_of_line
             before = mean
