@@ -170,8 +170,9 @@ def sort_ends(
 def estimate_slabs(pieces: np.ndarray, steps: np.ndarray, begin: int, end: int, edges: np.ndarray, slabs: int) -> float:
     """Estimate the variance of a pixel's photons that is due to contours that end inside slabs.
 
-    A contour that covers the width Δx within a slab, at the distance d from the slab's nearer edge, leaves an error of
-    s Δx d, with its step s.
+    A contour that covers the width Δx within half of a slab, at the mean distance d from the slab's nearer edge, leaves an
+    error of s Δx d, with its step s. One of the lean c that crosses the middle line, with m and n of the slab's height
+    left above and below, leaves s c (m² - n²) / 2.
     """
     variance = 0.0
     for i in range(begin, end):
@@ -188,10 +189,14 @@ def estimate_slabs(pieces: np.ndarray, steps: np.ndarray, begin: int, end: int, 
         while edges[last + 1] < lower - _SAME:
             last += 1
         for j in (first, last):
-            a, b = max(upper, edges[j]), min(lower, edges[j + 1])
-            if a > edges[j] + _SAME or b < edges[j + 1] - _SAME:
+            a, b, middle_row = max(upper, edges[j]), min(lower, edges[j + 1]), 0.5 * (edges[j] + edges[j + 1])
+            if a < middle_row < b:
+                lean = width / (lower - upper)
+                wrong = lean * abs(a + b - 2.0 * middle_row) * 0.5 * (edges[j + 1] - edges[j] - (b - a))
+            else:
                 part = width * ((b - a) / (lower - upper) if lower > upper else 1.0)
-                variance += (steps[i] * part * min(0.5 * (a + b) - edges[j], edges[j + 1] - 0.5 * (a + b))) ** 2
+                wrong = part * min(0.5 * (a + b) - edges[j], edges[j + 1] - 0.5 * (a + b))
+            variance += (steps[i] * wrong) ** 2
             if first == last:
                 break
     return variance
