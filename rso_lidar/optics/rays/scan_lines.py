@@ -18,12 +18,13 @@ from rso_lidar.records import Contours, Extent, Hits, Rays, specs
 _ROUGH = 10.0  # error at which the first round aims, over half the light of a pixel whose contours are all visible
 _NARROW = 3.0  # width of intervals that share a ray, over the width of all contours on their line
 _NARROW_AGAIN = 1.0  # the same in the second round
+_NARROWEST = 0.06  # neither is greater
 _STEEP = 2.5  # change of column with row of contours whose ends do not count, over the width of all contours of a pixel
 _AIM = 0.7  # error in a second round, over the one that is asked for
 _DIM = 1e-3  # a pixel with less light, over the brightest, counts as if it had so much
 _MOST_PER_SIDE = 48  # rays
 # The label's variance over what is expected, fitted to the scenes of tests/physics/sampling_scenes.py:
-_PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.35, 0.2, 0.1
+_PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.65, 0.2, 0.2
 _ERROR_OF_CELLS = 0.54
 _CONTRAST = 2.0  # assumed: spread of the light of cells of foil, over its mean
 
@@ -84,7 +85,7 @@ class ScanLines:
             self._receiver.n_cols,
             packed(allowed),
             _ROUGH * error,
-            min(narrow * error, 0.125),
+            min(narrow * error, _NARROWEST),
             _STEEP * error,
         )
         direction = np.empty((3, len(pixel)))
