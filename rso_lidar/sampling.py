@@ -9,7 +9,10 @@ from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Hits, Rays, Truth
 from rso_lidar.scene import Surface
 
-_CREASE = 5.0  # least relative step of light between two facets that counts as a contour, over the error asked for
+_CREASE, _MOST_CREASE = (
+    5.0,
+    0.1,
+)  # least relative step of light between two facets that counts as a contour, over the error
 
 
 def cast_pixels(
@@ -39,7 +42,8 @@ def cast_pixels(
             aperture_m=receiver.aperture_m,
         )
 
-    contours = scene.contours(surfaces, truth, least_crease=_CREASE * receiver.sampling_error)
+    least_crease = min(_CREASE * receiver.sampling_error, _MOST_CREASE)
+    contours = scene.contours(surfaces, truth, least_crease)
     lines = optics.ScanLines(receiver, laser, extent, contours, scene.find_textures(surfaces, truth))
     hits = cast(lines.rays)
     hits, is_unfinished = lines.take(hits, optics.pixel_photons(hits, laser, receiver))

@@ -77,7 +77,7 @@ class ScanLines:
     def _place(self, sides: np.ndarray, allowed: np.ndarray, narrow: float) -> None:
         """Place the rays of some pixels of the window; the parameters are those of `slabs.place_rays`."""
         error, (rows, cols) = self._receiver.sampling_error, self._window
-        point, pixel, weight, *self._follows, known = place_rays(
+        point, pixel, weight, kind, change, known = place_rays(
             *self._pieces,
             packed(sides),
             rows.start,
@@ -88,6 +88,7 @@ class ScanLines:
             min(narrow * error, _NARROWEST),
             _STEEP * error,
         )
+        self._follows = kind, change
         direction = np.empty((3, len(pixel)))
         direction[0], direction[1] = self._receiver.tangents_at(point[0], point[1])
         normalise(direction)
