@@ -43,7 +43,7 @@ def cast_pixels(
         )
 
     least_crease = min(_CREASE * receiver.sampling_error, _MOST_CREASE)
-    contours = scene.contours(surfaces, truth, least_crease)
+    contours = scene.contours(surfaces, truth, least_crease, optics.find_small(receiver, extent))
     lines = optics.ScanLines(receiver, laser, extent, contours, scene.find_textures(surfaces, truth))
     hits = cast(lines.rays)
     hits, is_unfinished = lines.take(hits, optics.pixel_photons(hits, laser, receiver))

@@ -7,6 +7,7 @@ import numpy as np
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
+from rso_lidar.records import Contours
 
 _SIDES_OF_CIRCLE = 96  # of the polygon of the same area that stands for a round beam's edge
 _PIECES_OF_BENT = 8  # of a contour, behind a lens that distorts
@@ -15,22 +16,20 @@ _NARROW = 2.0  # pixels: half the width of a Gaussian beam that needs them
 GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
 
 
-def image_contours(
-    receiver: Receiver, laser: Laser, ends: np.ndarray, step_per_sr_m2: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tuple[np.ndarray, np.ndarray]:
     """Image the contours of targets and the edge of the beam onto the focal plane.
 
     Parameters
     ----------
     receiver, laser : the instrument
-    ends, step_per_sr_m2 : contours in the tangent plane, as in `Contours`
+    contours : contours in the tangent plane
 
     Returns
     -------
     Columns and rows of both ends (contour, 4) [pixels], and steps of light (contour) [photons of a whole pixel].
     """
     gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
-    steps = step_per_sr_m2 * (laser.density_on_axis * gathered)
+    ends, steps = contours.ends, contours.step_per_sr_m2 * (laser.density_on_axis * gathered)
     edge, share = _outline_beam(laser, receiver)
     if len(edge):
         typical = float(np.median(steps)) if len(steps) else 1.0

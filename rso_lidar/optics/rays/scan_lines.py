@@ -40,8 +40,8 @@ class ScanLines:
     which contours are visible, and how bright a pixel is. If the error of the frame may then be more than
     `Receiver.sampling_error`, the pixels that contribute most to it are sampled anew with more slabs.
 
-    With `Receiver.rays_per_pixel` = k², contours count only of targets whose bounds get fewer than `min_rays_per_target`
-    rays. Elsewhere each pixel has k lines with k rays each.
+    With `Receiver.rays_per_pixel` = k², each pixel has k lines with k rays each where no contours are given, and there is
+    one round.
 
     Parameters
     ----------
@@ -57,18 +57,11 @@ class ScanLines:
         if laser.offset is None and receiver.filter_width_nm is None:
             reach = laser.half_width_tangent * (GAUSSIAN_REACH if laser.footprint == "gaussian" else 1.0)
         bounds, outlines = image_bounds(receiver, extent, reach), image_outlines(receiver, extent)
-        ends, steps = contours.ends, contours.step_per_sr_m2
-        if receiver.rays_per_pixel is None:
-            per_side = _rays_per_side(receiver, laser, textures)
-        else:
-            per_side = np.full(len(bounds), receiver.rays_per_side, np.int64)
-            rays = (bounds[:, 1] - bounds[:, 0]).prod(axis=1) * receiver.rays_per_pixel
-            is_cut = (rays < receiver.min_rays_per_target)[contours.surface]
-            ends, steps = ends[is_cut], steps[is_cut]
+        per_side = _rays_per_side(receiver, laser, textures)
         self._sides, top, left = cover_pixels(bounds, *outlines, per_side, *receiver.shape)
         self._window = slice(top, top + self._sides.shape[0]), slice(left, left + self._sides.shape[1])
         self._pieces = cut_contours(
-            *image_contours(receiver, laser, ends, steps),
+            *image_contours(receiver, laser, contours),
             (top, top + self._sides.shape[0], left, left + self._sides.shape[1]),
         )
         self._is_crossed = (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
@@ -222,6 +215,8 @@ def _rays_per_side(receiver: Receiver, laser: Laser, textures: np.ndarray) -> np
     0.54 c n^(1/4) / N^(3/4): the error of the area within an outline on a lattice (0.0724 u³ for each unit of length, with
     the spacing u; Matérn 1989), for the outlines of all cells.
     """
+    if receiver.rays_per_pixel is not None:
+        return np.full(len(textures), receiver.rays_per_side, np.int64)
     least = 2
     if laser.offset is not None:  # its shadows have no contours: 0.27 / N^(3/4) of a pixel, over half of it
         least = math.ceil((0.54 / receiver.sampling_error) ** (2.0 / 3.0))
@@ -230,6 +225,19 @@ def _rays_per_side(receiver: Receiver, laser: Laser, textures: np.ndarray) -> np
     cells = (receiver.pixel_tangent / textures) ** 2
     rays = (_ERROR_OF_CELLS * _CONTRAST / receiver.sampling_error) ** (4.0 / 3.0) * np.cbrt(cells)
     return packed(np.clip(np.ceil(np.sqrt(rays)), least, _MOST_PER_SIDE).astype(np.int64))
+
+
+def find_small(receiver: Receiver, extent: Extent) -> np.ndarray:
+    """Return whether the contours of each target are to cut its rays (target).
+
+    They always are unless the receiver has a fixed grid. Then they are for targets whose bounds get fewer rays of the grid
+    than `Receiver.min_rays_per_target`.
+    """
+    if receiver.rays_per_pixel is None:
+        return np.ones(len(extent.low), np.bool_)
+    sides = np.maximum(extent.high - extent.low, 0.0) / receiver.pixel_tangent
+    few: np.ndarray = sides.prod(axis=1) * receiver.rays_per_pixel < receiver.min_rays_per_target
+    return few
 
 
 def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:

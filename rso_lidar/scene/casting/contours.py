@@ -32,7 +32,12 @@ class FacetEdges:
     beyond: np.ndarray
 
 
-def contours(surfaces: Sequence[Surface], truth: Truth, least_crease: float = 0.1) -> Contours:
+def contours(
+    surfaces: Sequence[Surface],
+    truth: Truth,
+    least_crease: float = 0.1,
+    is_wanted: Sequence[bool] | np.ndarray | None = None,
+) -> Contours:
     """Find the contours of all surfaces: rims, folds where a facet hides its neighbour, and creases between facets.
 
     Whether another facet hides a contour is not examined.
@@ -42,6 +47,7 @@ def contours(surfaces: Sequence[Surface], truth: Truth, least_crease: float = 0.
     surfaces : surfaces of all targets
     truth : where they are at one epoch
     least_crease : a crease counts if the brightness of its facets differs by at least this share of the brighter one
+    is_wanted : (surface), whether to find the contours of each surface (None: of all)
 
     Returns
     -------
@@ -49,6 +55,8 @@ def contours(surfaces: Sequence[Surface], truth: Truth, least_crease: float = 0.
     """
     lines, steps, numbers = [np.empty((0, 4))], [np.empty(0)], [np.empty(0, np.int16)]
     for number, surface in enumerate(surfaces):
+        if is_wanted is not None and not is_wanted[number]:
+            continue
         edges = _edges.get(surface)
         translation, matrix = truth.poses.place("lidar", surface.name)
         position = truth.poses.place(surface.name, "lidar")[0]
