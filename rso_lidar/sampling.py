@@ -1,4 +1,4 @@
-"""Sampling of the pixels with rays: one in each interval that contours cut from scan lines, or on a fixed grid."""
+"""Sampling of the pixels with rays: one in each interval that contours cut from scan lines, or a fixed grid."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Hits, Rays, Truth
 from rso_lidar.scene import Surface
 
-_CREASE, _MOST_CREASE = (
-    5.0,
-    0.1,
-)  # least relative step of light between two facets that counts as a contour, over the error
+# Least relative step of light between two facets that counts as a contour, over the error asked for; and at most:
+_CREASE, _MOST_CREASE = 5.0, 0.1
 
 
 def cast_pixels(

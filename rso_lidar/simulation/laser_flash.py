@@ -75,7 +75,12 @@ def flash(
     records: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "signal": signal, "photons": photons}
     records |= {"taps": taps, "waveforms": waveforms}
     if "oversampled" in keep:
-        records["oversampled"] = optics.oversample(hits, laser, receiver)
+        grid = receiver.replace(rays_per_pixel=receiver.rays_per_side**2)
+        if grid != receiver:  # rays of a fixed grid fill every cell of the finer image
+            hits = sampling.cast_pixels(
+                grid, laser, surfaces, scenario.apply_light_time(truth.cast_epochs[-1]), threads
+            )
+        records["oversampled"] = optics.oversample(hits, laser, grid)
     if "prediction" in keep:
         records["prediction"] = detector.predict_pixels(photons, lidar.detector, labels.range_m, threads=threads)
     kept = {name: record for name in keep if (record := records[name]) is not None}
