@@ -1218,7 +1218,7 @@ def axes_chain() -> Any:
     return figure
 
 
-def palette() -> Any:
+def pictures_style() -> Any:
     """The style of all pictures: colours of lines, sizes of text, colours of parts, and colour maps."""
     figure = figures.new_figure(
         figures.PAGE_IN,
@@ -1292,7 +1292,7 @@ def palette() -> Any:
 
 
 FIGURES: dict[str, Callable[[], Any]] = {
-    "palette": palette,
+    "palette": pictures_style,
     "axes_chain": axes_chain,
     "counts": counts,
     "detection": detection,
