@@ -69,8 +69,8 @@ class Receiver(Part):
     rays_per_pixel: Count | None = Field(
         default=None,
         description=(
-            "Fixed number of rays per pixel, a square number k × k: k lines with k rays each; 1 is a ray through the centre. "
-            "If omitted, the number follows from `sampling_error`."
+            "Fixed number of rays per pixel, a square number k × k: k lines with k rays each; 1 is a ray through the "
+            "centre. If omitted, the number follows from `sampling_error`."
         ),
     )
     min_rays_per_target: Annotated[Whole, Field(ge=0, le=1_000_000)] = Field(
