@@ -34,11 +34,13 @@ from rso_lidar.detector.stages.crossing_rate import false_alarm_rate, rice_rate
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.mission_analysis import fly_open_loop
+from rso_lidar.optics.rays.contour_images import cut_contours, image_contours
 from rso_lidar.picture import colour_maps, figures, palette
 from rso_lidar.picture.style.output import save_small_figure
 from rso_lidar.pose import Link, PoseTree
-from rso_lidar.records import Photons, Waveforms
+from rso_lidar.records import Photons, Rays, Truth, Waveforms
 from rso_lidar.rpo import clohessy_wiltshire
+from rso_lidar.sampling import cast_pixels
 from rso_lidar.scenario import build_whole_surface
 from rso_lidar.scene import render_portrait
 
@@ -954,6 +956,122 @@ def stray_light() -> Any:
     return figure
 
 
+SAMPLED = ("tdrs", 1000.0, 1)  # model, range [m] and number of the attitude
+SAMPLED_PIXEL = (58, 66)
+
+
+def scan_lines() -> Any:
+    """One pixel of a shipped craft: contours over what it sees, and the slabs, scan lines and rays that sample it."""
+    from matplotlib.collections import LineCollection, PatchCollection
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Rectangle
+
+    receiver, laser, (surface, truth) = rl.Receiver(fov_deg=2.5, f_number=2.8), rl.Laser(), _place_craft(*SAMPLED)
+    row, col = SAMPLED_PIXEL
+    pixel = row * receiver.n_cols + col
+
+    def measure_light(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return the photons of a whole pixel that is as bright as points of this one, from 0 to 1 right and down."""
+        right, down = receiver.tangents_at(np.ravel(col + x), np.ravel(row + y))
+        direction = np.stack([right, down, np.ones(x.size)], axis=-1)
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        rays = Rays(receiver.shape, direction, np.full(x.size, pixel, np.int32), np.ones(x.size))
+        hits, light = rl.scene.cast(rays, [surface], truth), np.zeros(x.size)
+        light[hits.ray] = rl.optics.pixel_photons(hits, laser, receiver)
+        return light.reshape(x.shape)
+
+    # Contours in short pieces, which are visible where the light on their two sides differs.
+    least_step = 5.0 * receiver.sampling_error
+    contours = rl.scene.contours([surface], truth, least_step)
+    images = image_contours(receiver, laser, contours.ends, contours.step_per_sr_m2)
+    _, within, _ = cut_contours(*images, (row, row + 1, col, col + 1))
+    starts, along = within[:, None, :2], within[:, None, 2:4] - within[:, None, :2]
+    share = np.arange(60)[:, None] / 60.0
+    pieces = np.stack([starts + share * along, starts + (share + 1.0 / 60.0) * along], axis=2).reshape(-1, 2, 2)
+    across = (pieces[:, 1] - pieces[:, 0])[:, ::-1] * (-1.0, 1.0)
+    across *= 2e-3 / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+    one, other = (measure_light(*(pieces.mean(axis=1) + side * across).T) for side in (-1.0, 1.0))
+    is_visible = np.abs(one - other) > least_step * np.maximum(one, other)
+
+    rays = cast_pixels(receiver, laser, [surface], truth).rays
+    direction, weight = rays.direction[rays.pixel == pixel], rays.weight[rays.pixel == pixel]
+    x, y = (
+        direction[:, axis] / direction[:, 2] / receiver.pixel_tangent + 0.5 * n - first
+        for axis, n, first in ((0, receiver.n_cols, col), (1, receiver.n_rows, row))
+    )
+    light = measure_light(x, y)
+    lines, of_line = np.unique(y.round(9), return_inverse=True)
+    height = np.bincount(of_line, weight)
+    top, width = np.cumsum(height) - height, weight / height[of_line]
+    left = np.concatenate([np.cumsum(width[of_line == k]) - width[of_line == k] for k in range(len(lines))])
+
+    figure = figures.new_figure(
+        figures.PAGE_IN,
+        5.0,
+        "How rays sample one pixel",
+        f"model {SAMPLED[0]} at {SAMPLED[1] / 1000.0:g} km in a random attitude, sampling_error = "
+        f"{100.0 * receiver.sampling_error:g} %; brightness as the photons of a whole pixel",
+    )
+    seen_by, sampled = figure.subplots(1, 2)
+    fine = (np.arange(900) + 0.5) / 900.0
+    image = measure_light(*np.meshgrid(fine, fine))
+    scale = {"cmap": colour_maps.AMOUNT_RAMP, "vmin": 0.0, "vmax": float(image.max())}
+    shown = seen_by.imshow(image, extent=(0, 1, 1, 0), interpolation="none", **scale)
+    kinds = (
+        ("visible contour", palette.IMAGE_MARK, figures.THICK_PT, is_visible),
+        ("hidden contour", palette.IMAGE_WHITE, figures.THIN_PT, ~is_visible),
+    )
+    for _, colour, width_pt, chosen in reversed(kinds):
+        seen_by.add_collection(LineCollection(list(pieces[chosen]), colors=colour, linewidths=width_pt))
+    handles = [Line2D([], [], color=colour, lw=width_pt, label=label) for label, colour, width_pt, _ in kinds]
+    on_image = {"fontsize": figures.SMALL_PT, "color": palette.IMAGE_WHITE}
+    seen_by.legend(
+        handles=handles, fontsize=figures.SMALL_PT, frameon=False, loc="upper left", labelcolor=palette.IMAGE_WHITE
+    )
+    intervals = [Rectangle((left[k], top[line]), width[k], height[line]) for k, line in enumerate(of_line)]
+    filled = PatchCollection(intervals, edgecolor="none", cmap=scale["cmap"])
+    filled.set_array(light)
+    filled.set_clim(scale["vmin"], scale["vmax"])
+    sampled.add_collection(filled)
+    sampled.hlines(top[1:], 0, 1, color=palette.IMAGE_WHITE, lw=figures.LINE_PT)
+    sampled.hlines(lines, 0, 1, color=palette.IMAGE_WHITE, lw=figures.THIN_PT, ls=(0, (4, 3)))
+    sampled.scatter(x, y, c=light, s=24, edgecolor=palette.IMAGE_WHITE, lw=figures.THIN_PT, zorder=3, **scale)
+    sampled.text(x[0], lines[0] - 0.03, "ray", ha="center", va="bottom", **on_image)
+    sampled.text(0.5 * (x[0] + x[1]), lines[0] - 0.015, "scan line", ha="center", va="bottom", **on_image)
+    sampled.text(0.02, top[1] - 0.015, "edge of a slab", va="bottom", **on_image)
+    known, true = float(np.sum(weight * light)), float(image.mean())
+    for axes, title in (
+        (seen_by, f"Image: {true:,.0f} photons"),
+        (sampled, f"{len(x)} rays on {len(lines)} lines: {known:,.0f} photons"),
+    ):
+        figures.style_axes(axes, title)
+        axes.set(xlim=(0, 1), ylim=(1, 0), aspect="equal", xticks=[], yticks=[])
+        axes.grid(visible=False)
+    bar = figure.colorbar(shown, ax=[seen_by, sampled], shrink=0.8, pad=0.015)
+    figures.style_bar(bar, "Light [photons]")
+    figures.format_thousands(bar.ax.yaxis)
+    return figure
+
+
+def _place_craft(
+    name: str, range_m: float, attitude: int, material: str | None = None
+) -> tuple[rl.scene.Surface, Truth]:
+    """Return a shipped craft in the middle of the field, and the truth of its pose.
+
+    Parameters
+    ----------
+    attitude : number of a random attitude
+    material : of all of its parts (None: the catalogue's)
+    """
+    from scipy.spatial.transform import RigidTransform, Rotation
+
+    target = rl.Target(name="craft", model=name, material=material, motion=rl.Fixed(position_m=(0.0, 0.0, 0.0)))
+    turn = Rotation.random(rng=np.random.default_rng(attitude))
+    links = {"lidar": Link.still(), "craft": Link.still(RigidTransform.from_components([0.0, 0.0, range_m], turn))}
+    truth = Truth(0.0, PoseTree({"lidar": "inertial", "craft": "lidar"}, links), {}, np.full(3, np.nan))
+    return build_whole_surface(target, Path, 1064e-9), truth
+
+
 BOUNCING = ("tdrs", "juno", "dawn", "rosetta", "stardust", "lro", "suomi_npp", "comsat", "rocket_body")
 FOIL_ATTITUDE = 4  # frame of the example
 
@@ -1012,13 +1130,7 @@ def _bounced_share(name: str, material: str | None, attitude: int) -> tuple[floa
     name, material : the model, and the material of all of its parts (None: the catalogue's).
     attitude : number of a random attitude, at 300 m.
     """
-    from scipy.spatial.transform import RigidTransform, Rotation
-
-    target = rl.Target(name="craft", model=name, material=material, motion=rl.Fixed(position_m=(0.0, 0.0, 0.0)))
-    surface = build_whole_surface(target, Path, 1064e-9)
-    turn = Rotation.random(rng=np.random.default_rng(attitude))
-    links = {"lidar": Link.still(), "craft": Link.still(RigidTransform.from_components([0.0, 0.0, 300.0], turn))}
-    truth = rl.records.Truth(0.0, PoseTree({"lidar": "inertial", "craft": "lidar"}, links), {}, np.full(3, np.nan))
+    surface, truth = _place_craft(name, 300.0, attitude, material)
     receiver, laser = rl.Receiver(fov_deg=6.0, f_number=2.8), rl.Laser(divergence_deg=6.0)
     hits = rl.scene.cast(rl.optics.pixel_rays(receiver, laser, rl.scene.extent([surface], truth)), [surface], truth)
     paths = rl.scene.bounce(hits, [surface], truth, np.array([16, attitude], np.uint32))
@@ -1218,7 +1330,7 @@ def axes_chain() -> Any:
     return figure
 
 
-def palette() -> Any:
+def pictures_style() -> Any:
     """The style of all pictures: colours of lines, sizes of text, colours of parts, and colour maps."""
     figure = figures.new_figure(
         figures.PAGE_IN,
@@ -1292,7 +1404,7 @@ def palette() -> Any:
 
 
 FIGURES: dict[str, Callable[[], Any]] = {
-    "palette": palette,
+    "palette": pictures_style,
     "axes_chain": axes_chain,
     "counts": counts,
     "detection": detection,
@@ -1315,6 +1427,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "smear": smear,
     "allan": allan,
     "published": published,
+    "scan_lines": scan_lines,
     "second_bounce": second_bounce,
 }
 

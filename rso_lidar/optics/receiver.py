@@ -23,8 +23,8 @@ class Receiver(Part):
     """Lens that images the scene onto a focal plane of square pixels (Fuller et al., sec. 3.1.4).
 
     Give `fov_deg` (full angle across the columns) or `focal_length_mm`, and `f_number` or `aperture_mm`. Rays sample the
-    area of each pixel, as many as `sampling_error` needs, or a fixed k x k grid with `rays_per_pixel` = k². A target
-    whose bounds would get fewer than `min_rays_per_target` rays is sampled on a finer grid (0: off).
+    area of each pixel along lines that edges of targets cut, as many as `sampling_error` needs. With `rays_per_pixel` = k²
+    they are a fixed k x k grid, and edges cut its lines only for targets that would get fewer than `min_rays_per_target`.
 
     `psf` spreads light over pixels and `distortion` bends the image; without them the lens is perfect.
     `filter_width_nm` is the width of the spectral filter about the laser's line. With a filter, sunlight on the targets
@@ -60,24 +60,24 @@ class Receiver(Part):
     sampling_error: Annotated[Positive, Field(ge=1e-4, le=1)] = Field(
         default=0.02,
         description=(
-            "Relative error (rms) of a pixel's expected photons that is aimed at, because rays sample its area. A third of "
-            "the pixel's photon noise is allowed in any case. The number of rays is bounded, so some pixels may stay "
-            "above it; the label `photons_sampling_error` says which. Default: a choice of "
-            "sampling, not of physics."
+            "Required relative error (rms) of the pixels' expected photons, weighted by their light over the frame, "
+            "because rays sample the pixels' areas. An error below a third of a pixel's photon noise does not count. There "
+            "are at most two rounds of rays, so a frame may stay above it; the label `photons_sampling_error` has the error "
+            "of each pixel. Default: a choice of sampling, not of physics."
         ),
     )
     rays_per_pixel: Count | None = Field(
         default=None,
         description=(
-            "Fixed number of rays per pixel, a square number k × k; 1 is a ray through the centre. If omitted, the number "
-            "follows from `sampling_error`."
+            "Fixed number of rays per pixel, a square number k × k: k lines with k rays each; 1 is a ray through the "
+            "centre. If omitted, the number follows from `sampling_error`."
         ),
     )
     min_rays_per_target: Annotated[Whole, Field(ge=0, le=1_000_000)] = Field(
         default=4096,
         description=(
-            "Minimum number of rays over the bounds of a target; with fewer, a finer grid samples the target. 0 "
-            "disables it. Default: a choice of sampling, not of physics."
+            "With `rays_per_pixel`: minimum number of rays over the bounds of a target. With fewer, the target's edges cut "
+            "the lines of rays as well. 0 disables it. Default: a choice of sampling, not of physics."
         ),
     )
     psf: Psf | None = Field(
