@@ -47,6 +47,13 @@ class Rays(Record):
     direction: np.ndarray = array("ray xyz", "f8", "1", "unit vector in lidar axes")
     pixel: np.ndarray = array("ray", "i4", "1", "row * n_cols + col, never falling")
     weight: np.ndarray = array("ray", "f8", "1", "share of the pixel's area; made rays of a pixel sum to at most 1")
+    side: np.ndarray | None = array(
+        "ray",
+        "f8",
+        "1",
+        "root mean square of the sides of the ray's share of the pixel, over the pixel's side; None: of squares",
+        optional=True,
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -9,6 +9,8 @@ from rso_lidar.records import Hits, Labels, Photons
 from rso_lidar.ties import EQUAL
 from rso_lidar.units import RANGE_PER_DELAY_M_S
 
+_NEGLIGIBLE = 1e-3  # of a pixel's light: rays find slivers of facets, which no detector tells from nothing
+
 
 class ReturnColumns(NamedTuple):
     """Columns of `Photons` (return)."""
@@ -72,22 +74,23 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
         "photons": np.zeros(n_pixels, np.float32),
         "filled_fraction": np.zeros(n_pixels, np.float32),
     }
-    mean_range, bright = _write_labels(sky, hits, photons)
+    mean_range, bright, is_counted = _write_labels(sky, hits, photons)
     if photons.photons_variance is not None:
         sky["photons_sampling_error"] = np.sqrt(photons.photons_variance.ravel()).astype(np.float32)
     if max_returns > 1:
         sky["return_range_m"] = np.full((n_pixels, max_returns), np.nan)
         sky["return_photons"] = np.zeros((n_pixels, max_returns), np.float32)
-        first = np.searchsorted(photons.cluster_pixel, photons.cluster_pixel)
-        number = np.arange(len(first)) - first
-        listed = np.flatnonzero(number < max_returns)
-        at = photons.cluster_pixel[listed], number[listed]
+        counted = np.flatnonzero(is_counted)
+        pixel = photons.cluster_pixel[counted]
+        number = np.arange(len(pixel)) - np.searchsorted(pixel, pixel)
+        is_listed = number < max_returns
+        listed, at = counted[is_listed], (pixel[is_listed], number[is_listed])
         sky["return_range_m"][at], sky["return_photons"][at] = mean_range[listed], bright[listed]
     return Labels(**{name: values.reshape(*photons.shape, *values.shape[1:]) for name, values in sky.items()})
 
 
-def _write_labels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
-    """Write the labels of all pixels with returns; return mean range [m] and photons of each cluster."""
+def _write_labels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Write the labels of all pixels with returns; return what `label_pixels` does."""
     if photons.filled_fraction is not None:
         labels["filled_fraction"] = photons.filled_fraction.ravel()
     else:
@@ -119,16 +122,22 @@ def sum_weights(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> 
 @kernel
 def label_pixels(
     returns: ReturnColumns, n_clusters: int, struck: HitColumns, written: LabelColumns
-) -> tuple[np.ndarray, np.ndarray]:
-    """Write the labels of all pixels with returns; return mean range [m] and photons of each cluster.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Write the labels of all pixels with returns.
 
     Parameters
     ----------
     written : the labels, to which is written
+
+    Returns
+    -------
+    Mean range [m], photons, and whether it counts (cluster). A cluster counts unless it has a negligible share of its
+    pixel's light.
     """
     pixel, photons, delay_s, hit, cluster = returns
     weight, target, part, facet, cos_incidence = struck
     bright, mean_range_m, share = np.zeros(n_clusters), np.zeros(n_clusters), np.zeros(n_clusters)
+    is_counted = np.ones(n_clusters, np.bool_)
     # The parts of targets in the brightest cluster of a pixel: target, part, photons, and photons of the brightest return.
     kind_target, kind_part = np.empty(len(pixel), np.int16), np.empty(len(pixel), np.int16)
     kind_light, kind_most = np.empty(len(pixel)), np.empty(len(pixel))
@@ -163,8 +172,13 @@ def label_pixels(
                 kinds += 1
             kind_light[kind] += light
             kind_most[kind] = max(kind_most[kind], light)
+        nearest, counted = -1, 0
         for c in range(first, last + 1):
             mean_range_m[c] /= share[c]
+            is_counted[c] = bright[c] >= _NEGLIGIBLE * total
+            counted += is_counted[c]
+            if nearest < 0 and is_counted[c]:
+                nearest = c
         most = 0.0
         for kind in range(kinds):
             most = max(most, kind_light[kind])
@@ -186,9 +200,9 @@ def label_pixels(
             if light >= enough and (chosen < 0 or h < chosen):
                 chosen = h
         written.photons[at] = total
-        written.range_m[at], written.first_range_m[at] = mean_range_m[best], mean_range_m[first]
-        written.cluster_count[at] = min(last + 1 - first, 255)
+        written.range_m[at], written.first_range_m[at] = mean_range_m[best], mean_range_m[nearest]
+        written.cluster_count[at] = min(counted, 255)
         written.target[at], written.part[at] = kind_target[chosen_kind], kind_part[chosen_kind]
         written.facet[at], written.cos_incidence[at] = facet[chosen], cos_incidence[chosen]
         start, first = stop, last + 1
-    return mean_range_m, bright
+    return mean_range_m, bright, is_counted

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from rso_lidar import optics, scene
+from rso_lidar import optics, sampling, scene
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Truth
@@ -94,8 +94,8 @@ def see(surfaces, truth, receiver=PAPER_RECEIVER, laser=PAPER_LASER, threads=1, 
     With a number of `paths`, drawn by a `key`, light meets up to two surfaces.
     """
     surfaces = [surfaces] if isinstance(surfaces, Surface) else surfaces
-    rays = optics.pixel_rays(receiver, laser, scene.extent(surfaces, truth))
-    hits = scene.cast(rays, surfaces, truth, threads, laser_from_m=laser.offset)
+    hits = sampling.cast_pixels(receiver, laser, surfaces, truth, threads)
+    rays = hits.rays
     bounces = None
     if paths is not None:
         words = np.array(key, np.uint32)

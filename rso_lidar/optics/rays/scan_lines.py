@@ -70,7 +70,7 @@ class ScanLines:
     def _place(self, sides: np.ndarray, allowed: np.ndarray, narrow: float) -> None:
         """Place the rays of some pixels of the window; the parameters are those of `slabs.place_rays`."""
         error, (rows, cols) = self._receiver.sampling_error, self._window
-        point, pixel, weight, kind, change, known = place_rays(
+        point, pixel, weight, side, kind, change, known = place_rays(
             *self._pieces,
             packed(sides),
             rows.start,
@@ -87,7 +87,7 @@ class ScanLines:
         normalise(direction)
         self._variance = np.zeros(self._receiver.shape)
         self._variance[self._window] = known
-        self.rays = Rays(self._receiver.shape, direction.T, pixel, weight)
+        self.rays = Rays(self._receiver.shape, direction.T, pixel, weight, side)
 
     def take(self, hits: Hits, photons: np.ndarray, before: Hits | None = None) -> tuple[Hits, bool]:
         """Take the hits of `rays`, and place those of the next round if one is needed.
@@ -163,7 +163,9 @@ def _replace_pixels(hits: Hits, finer: Hits) -> Hits:
     direction = np.empty((3, len(of_rays)))
     for axis in range(3):
         direction[axis] = join(hits.rays.direction[:, axis], finer.rays.direction[:, axis], of_rays)
-    pixel, weight = (join(getattr(hits.rays, name), getattr(finer.rays, name), of_rays) for name in ("pixel", "weight"))
+    columns_of_rays = (
+        join(getattr(hits.rays, name), getattr(finer.rays, name), of_rays) for name in ("pixel", "weight", "side")
+    )
     place = np.zeros(len(hits.rays.pixel) + len(finer.rays.pixel), np.int32)
     place[of_rays] = np.arange(len(of_rays))
     columns: dict[str, Any] = {
@@ -175,7 +177,7 @@ def _replace_pixels(hits: Hits, finer: Hits) -> Hits:
     columns["photons_variance"] = np.where(
         is_finer, np.asarray(finer.photons_variance), np.asarray(hits.photons_variance)
     )
-    return Hits(Rays(hits.rays.shape, direction.T, pixel, weight), **columns)
+    return Hits(Rays(hits.rays.shape, direction.T, *columns_of_rays), **columns)
 
 
 @kernel
@@ -217,9 +219,9 @@ def _rays_per_side(receiver: Receiver, laser: Laser, textures: np.ndarray) -> np
     """
     if receiver.rays_per_pixel is not None:
         return np.full(len(textures), receiver.rays_per_side, np.int64)
-    least = 2
+    least = 2 if receiver.psf is None else 4  # a lens spreads light from where rays are
     if laser.offset is not None:  # its shadows have no contours: 0.27 / N^(3/4) of a pixel, over half of it
-        least = math.ceil((0.54 / receiver.sampling_error) ** (2.0 / 3.0))
+        least = max(least, math.ceil((0.54 / receiver.sampling_error) ** (2.0 / 3.0)))
     if laser.footprint == "pattern":
         least = max(least, min(math.ceil(2.0 * receiver.pixel_tangent / laser.cell_tangent), _MOST_PER_SIDE))
     cells = (receiver.pixel_tangent / textures) ** 2

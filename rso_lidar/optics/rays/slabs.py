@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from rso_lidar.kernels import kernel
-from rso_lidar.optics.returns.sorting import sort_by
+from rso_lidar.optics.sorting import sort_by
 
 # Choices between error and time, as docs/physics.md states them:
 _ALL_EVENTS = 8  # so many ends of contours in a pixel may all be edges of slabs
@@ -336,7 +336,7 @@ def place_rays(
     rough: float,
     narrow: float,
     steep: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Place the rays of the pixels in a window.
 
     Parameters
@@ -352,7 +352,8 @@ def place_rays(
 
     Returns
     -------
-    Points (col_row, ray) on the focal plane [pixels]; pixels and weights (ray). How each ray follows the one before (ray),
+    Points (col_row, ray) on the focal plane [pixels]; pixels, weights, and root mean square of the sides of the rays'
+    shares [pixels] (ray). How each ray follows the one before (ray),
     as at the top of this module, and the step of light between them if no contour is hidden; of a line's first ray, the
     change of the line's mean light from the line before. Variance (row, col) of the photons of the window's pixels, if no
     contour is hidden.
@@ -362,13 +363,16 @@ def place_rays(
     for p in range(height * width):
         most = max(most, starts[p + 1] - starts[p])
     edges, room = np.empty(_MOST_SLABS + _BINS), np.empty((3, _BINS))
-    many = (_MOST_SLABS + 2) * (1 + per_side.max())
+    greatest_side = 1
+    for p in range(height * width):
+        greatest_side = max(greatest_side, per_side[p // width, p % width])
+    many = (_MOST_SLABS + 2) * (1 + greatest_side)
     line_row, line_height, line_starts = np.empty(many), np.empty(many), np.empty(many + 1, np.int64)
     filled, first_line = np.empty(many, np.int64), np.empty(most, np.int64)
     expected, greatest = np.empty(many), np.empty(many)
     crossing, by, spare = np.empty(4096), np.empty(4096, np.int64), (np.empty(4096, np.int64), np.empty(4096))
     size = 3 * len(pieces) + 4 * height * width + 4096
-    point, pixel, weight = np.empty((2, size)), np.empty(size, np.int32), np.empty(size)
+    point, pixel, weight, side = np.empty((2, size)), np.empty(size, np.int32), np.empty(size), np.empty(size)
     kind, change = np.empty(size, np.int8), np.empty(size)
     n = 0
     for p in range(height * width):
@@ -388,10 +392,11 @@ def place_rays(
         needed = n + line_starts[lines] + lines * (sides + 2)
         if needed > size:
             size = 2 * needed
-            point, pixel, weight, kind, change = (
+            point, pixel, weight, side, kind, change = (
                 np.concatenate((point, np.empty((2, size - point.shape[1]))), axis=1),
                 np.concatenate((pixel, np.empty(size - len(pixel), np.int32))),
                 np.concatenate((weight, np.empty(size - len(weight)))),
+                np.concatenate((side, np.empty(size - len(side)))),
                 np.concatenate((kind, np.empty(size - len(kind), np.int8))),
                 np.concatenate((change, np.empty(size - len(change)))),
             )
@@ -428,7 +433,11 @@ def place_rays(
                     elif rays == 1 and shared == 0.0:
                         at = 0.5
                     point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
+                    if begin == end and sides > 2:
+                        up = turn + r * _PLASTIC
+                        point[1, n] += h * (up - math.floor(up) - 0.5)
                     pixel[n], weight[n] = pixel_of, across * h / rays
+                    side[n] = math.sqrt(0.5 * ((across / rays) ** 2 + h * h))
                     kind[n] = (LINE if is_first else CONTOUR) if r == 0 else (PAIR if sides == 2 else TEXTURE)
                     change[n] = step if r == 0 else 0.0
                     n += 1
@@ -436,7 +445,7 @@ def place_rays(
                     uncertain += (shared * across * h) ** 2 / 6.0
                 left, step, shared, is_first = left + across, 0.0, 0.0, False
             variance[row, col] += uncertain
-    return point[:, :n], pixel[:n], weight[:n], kind[:n], change[:n], variance
+    return point[:, :n], pixel[:n], weight[:n], side[:n], kind[:n], change[:n], variance
 
 
 @kernel
@@ -500,7 +509,7 @@ def correct_variance(
                 photons_of_line += weight[i] * light[i]
                 height += weight[i]
                 if kind[i] == CONTOUR:
-                    met_along += min((light[i] - light[i - 1]) ** 2, change[i] ** 2)
+                    met_along += (light[i] - light[i - 1]) ** 2
                     expected_along += change[i] ** 2
                 elif kind[i] == TEXTURE:
                     uneven += per_texture * (weight[i] * (light[i] - light[i - 1])) ** 2
@@ -509,7 +518,7 @@ def correct_variance(
             mean = photons_of_line / height
             if before >= 0.0:
                 if change[start] > 0.0:
-                    met += min((mean - before) ** 2, change[start] ** 2)
+                    met += (mean - before) ** 2
                     expected += change[start] ** 2
                 elif change[start] == 0.0 and is_textured:
                     uneven += ((mean - before) * height) ** 2 / 12.0

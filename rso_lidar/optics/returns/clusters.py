@@ -3,7 +3,7 @@
 import numpy as np
 
 from rso_lidar.kernels import kernel
-from rso_lidar.optics.returns.sorting import sort_by
+from rso_lidar.optics.sorting import sort_by
 
 
 @kernel

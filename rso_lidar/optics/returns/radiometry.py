@@ -106,7 +106,7 @@ def _light_of_beam(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light,
     delay_s, photons, spread_s, cells, hit, is_lit = return_light(
         packed(hits.ray),
         packed(hits.rays.direction.T),
-        packed(hits.weight),
+        packed(_sides(hits)),
         packed(area),
         packed(hits.range_m),
         packed(hits.cos_incidence),
@@ -125,7 +125,7 @@ def _light_of_beam(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light,
 def return_light(
     ray: np.ndarray,
     direction: np.ndarray,
-    weight: np.ndarray,
+    side: np.ndarray,
     area: np.ndarray,
     range_m: np.ndarray,
     cos_incidence: np.ndarray,
@@ -141,7 +141,8 @@ def return_light(
 
     Parameters
     ----------
-    ray, weight, range_m, cos_incidence, brdf_per_sr : (hit) fields of `Hits`
+    ray, range_m, cos_incidence, brdf_per_sr : (hit) fields of `Hits`
+    side : (hit) side of each ray's share of its pixel
     direction : (xyz, ray) unit vectors of all rays
     area : (hit) area that each ray covers in the tangent plane, in pixels
     half_width : tangent of half the beam's full angle
@@ -170,7 +171,7 @@ def return_light(
         delay_s[k] = 2.0 * distance / units.SPEED_OF_LIGHT_M_S
         photons[k] = b * area[k] * brdf_per_sr[k] * cosine * cos_axis / (distance * distance) * gathering_m2
         steep = max(cosine, LEAST_COSINE)
-        tangent_share = math.sqrt(weight[k] * max(1.0 - steep * steep, 0.0)) / steep
+        tangent_share = side[k] * math.sqrt(max(1.0 - steep * steep, 0.0)) / steep
         spread_s[k] = distance * (ifov_rad / units.RANGE_PER_DELAY_M_S) * tangent_share if cosine > 0.0 else 0.0
         coherence_cells[k] = area[k] * (cells_per_pixel * cos_axis * cos_axis * cos_axis)
         hit[k], is_lit[k] = k, b > 0.0 and cosine > 0.0
@@ -249,6 +250,12 @@ def _sunlight(hits: Hits, light: Light, laser: Laser, receiver: Receiver) -> np.
     return np.bincount(hits.pixel, rate, n_pixels).reshape(receiver.shape)
 
 
+def _sides(hits: Hits) -> np.ndarray:
+    """Return the side (hit) of each ray's share of its pixel, over the pixel's side."""
+    side: np.ndarray = np.sqrt(hits.weight) if hits.rays.side is None else hits.rays.side[hits.ray]
+    return side
+
+
 def _depth_spread_s(hits: Hits, range_m: np.ndarray, receiver: Receiver) -> np.ndarray:
     """Return how long light returns from one ray's footprint [s]: 2 R δ tan α / c.
 
@@ -260,7 +267,7 @@ def _depth_spread_s(hits: Hits, range_m: np.ndarray, receiver: Receiver) -> np.n
     """
     cosine = np.maximum(hits.cos_incidence, LEAST_COSINE)
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
-    spread = range_m / units.RANGE_PER_DELAY_M_S * np.sqrt(hits.weight) * receiver.ifov_rad * tangent
+    spread = range_m / units.RANGE_PER_DELAY_M_S * _sides(hits) * receiver.ifov_rad * tangent
     return np.where(hits.cos_incidence > 0.0, spread, 0.0)
 
 

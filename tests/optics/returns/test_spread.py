@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar.optics import AiryPsf, BrownConrady, FieldDependentPsf, FieldPsf, GaussianPsf, Receiver, collect
 from rso_lidar.optics.returns import spread
-from rso_lidar.optics.returns.sorting import sort_by
+from rso_lidar.optics.sorting import sort_by
 from rso_lidar.scene import Lambertian, RetroReflector
 from tests.optics.bench_for_tests import PAPER_LASER, box, place, plate, see, sphere, surface, truth_of
 from tests.reference.optics import radiometry as oracle
