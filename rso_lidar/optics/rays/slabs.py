@@ -26,6 +26,7 @@ _LEAST_WIDTH = 1e-3  # pixels: an upright contour counts as one so wide
 # pair at the points of Gauss, or one of many in an interval that may have a texture.
 LINE, CONTOUR, PAIR, TEXTURE = range(4)
 UNKNOWN = -1.0  # change of light between two lines
+_BRIGHTER = 3.0  # squared step at most, over the one expected: a dim facet may hide a bright one
 _MOSTLY = 0.6  # share of the squares of all changes between two lines that the greatest has if it outweighs the others
 NOISE_SHARE = 1.0 / 3.0  # of its photon noise: so much error a pixel may have in any case
 
@@ -529,6 +530,6 @@ def correct_variance(
             uneven += per_twist * (weight[first] * twist) ** 2
         if expected == 0.0:
             met, expected = met_along, expected_along
-        share = per_step * (met / expected if expected > 0.0 else 1.0)
+        share = per_step * (min(met / expected, _BRIGHTER) if expected > 0.0 else 1.0)
         seen[pixel[first]], photons[pixel[first]] = share, total
         variance[pixel[first]] = share * variance[pixel[first]] + uneven
