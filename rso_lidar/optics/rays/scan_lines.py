@@ -234,6 +234,11 @@ def find_small(receiver: Receiver, extent: Extent) -> np.ndarray:
 
     They always are unless the receiver has a fixed grid. Then they are for targets whose bounds get fewer rays of the grid
     than `Receiver.min_rays_per_target`.
+
+    Parameters
+    ----------
+    receiver : decides how rays sample its pixels
+    extent : where targets can be
     """
     if receiver.rays_per_pixel is None:
         return np.ones(len(extent.low), np.bool_)

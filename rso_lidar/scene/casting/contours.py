@@ -87,6 +87,10 @@ def find_textures(surfaces: Sequence[Surface], truth: Truth) -> np.ndarray:
     """Return the size in the tangent plane of the cells of crinkled foil of each surface, where it is farthest (surface).
 
     It is infinite for a surface without foil.
+
+    Parameters
+    ----------
+    surfaces, truth : targets, and where they are
     """
     sizes = np.full(len(surfaces), np.inf)
     for number, surface in enumerate(surfaces):
