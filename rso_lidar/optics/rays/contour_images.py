@@ -42,7 +42,8 @@ def image_contours(
         steps = np.repeat(steps, _PIECES_OF_BENT)
     images = np.empty_like(ends)
     for end in (0, 2):
-        x, y = (np.clip(ends[:, end + axis], -1e6, 1e6) for axis in (0, 1))
+        far = np.maximum(np.abs(ends[:, end : end + 2]).max(axis=1) / 1e6, 1.0)  # an end behind keeps its direction
+        x, y = ends[:, end] / far, ends[:, end + 1] / far
         images[:, end], images[:, end + 1] = receiver.image_of(x, y)
     return packed(images), packed(steps)
 

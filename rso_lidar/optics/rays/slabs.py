@@ -315,7 +315,7 @@ def place_rays(
     for p in range(height * width):
         most = max(most, starts[p + 1] - starts[p])
     edges, room = np.empty(_MOST_SLABS + _BINS), np.empty((3, _BINS))
-    many = (_MOST_SLABS + 2) * (1 + per_side.max())
+    many = (_MOST_SLABS + 2) * (1 + per_side.max()) if per_side.size else 0
     line_row, line_height, line_starts = np.empty(many), np.empty(many), np.empty(many + 1, np.int64)
     filled, first_line = np.empty(many, np.int64), np.empty(most, np.int64)
     crossing, by, spare = np.empty(4096), np.empty(4096, np.int64), (np.empty(4096, np.int64), np.empty(4096))
