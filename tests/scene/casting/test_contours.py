@@ -51,7 +51,7 @@ def test_edges_that_reach_behind_the_lidar_end_at_its_plane(seed):
     """The lidar is beside or inside a box and a net: what is left of each edge is in front of it."""
     rng = np.random.default_rng(seed)
     around = surface("around", np.concatenate([box(8.0, 6.0, 30.0), plate(40.0, 30.0, n=3)]))
-    truth = truth_of(around=place(rng.uniform(-5.0, 5.0, 3) + [0.0, 0.0, 4.0], Rotation.random(random_state=seed)))
+    truth = truth_of(around=place(rng.uniform([-5.0, -5.0, -1.0], [5.0, 5.0, 9.0]), Rotation.random(random_state=seed)))
     expected = oracle.contours([around], truth, 0.1)
     assert np.abs(expected.ends).max() > 1e5
     assert_same(scene.contours([around], truth, 0.1), expected, rtol=1e-6)
