@@ -59,8 +59,8 @@ def test_the_edge_of_a_narrow_beam_is_a_closed_contour(footprint, tmp_path):
     divergence = 0.05 if footprint == "gaussian" else 0.5
     settings = {}
     if footprint == "pattern":
-        settings["pattern_file"] = tmp_path / "pattern.npy"
-        np.save(settings["pattern_file"], np.ones((4, 4)))
+        settings["pattern_file"] = str(tmp_path / "pattern.csv")
+        np.savetxt(settings["pattern_file"], np.ones((4, 4)), delimiter=",")
     laser = Laser(divergence_deg=divergence, footprint=footprint, **settings)
     ends, steps = image_contours(LENS, laser, *NONE)
     x0, y0, x1, y1 = ((ends - [16.0, 12.0, 16.0, 12.0]) * LENS.pixel_tangent).T
