@@ -8,7 +8,7 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
 
-_SIDES_OF_CIRCLE = 96  # of the polygon of the same area that stands for a round beam's edge
+_FEWEST_SIDES, _OFF_CIRCLE = 8, 0.01  # sides and distance [pixels] of the polygon that stands for a round beam's edge
 _PIECES_OF_BENT = 8  # of a contour that a lens bends
 _STRAIGHT = 0.01  # pixels: a contour that is bent less stays whole, so that its ends alone are edges of slabs
 _RINGS = 12  # contours of equal steps that stand for the profile of a narrow Gaussian beam
@@ -82,7 +82,9 @@ def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndar
     covered = receiver.field_edge.max() * (1.0 if laser.footprint in ("square", "as_printed") else math.sqrt(2.0))
     if laser.offset is not None or half_width >= covered * (1.0 - 1e-12):
         return np.empty((0, 4)), np.empty(0)
-    radii, corners, first = np.array([half_width]), _SIDES_OF_CIRCLE, 0.0
+    # No more sides than needed: a pixel's slabs end at all of their ends only while these are few.
+    quarter = math.pi / math.sqrt(2.0 * _OFF_CIRCLE * receiver.pixel_tangent / half_width) / 4.0
+    radii, corners, first = np.array([half_width]), max(_FEWEST_SIDES, 4 * math.ceil(quarter)), 0.0
     if laser.footprint == "gaussian":
         if half_width > _NARROW * receiver.pixel_tangent:
             return np.empty((0, 4)), np.empty(0)
