@@ -12,6 +12,7 @@ _FEWEST_SIDES, _OFF_CIRCLE = 8, 0.01  # sides and distance [pixels] of the polyg
 _PIECES_OF_BENT = 8  # of a contour that a lens bends
 _STRAIGHT = 0.01  # pixels: a contour that is bent less stays whole, so that its ends alone are edges of slabs
 _RINGS = 12  # contours of equal steps that stand for the profile of a narrow Gaussian beam
+_DIM_RINGS = (0.01, 0.001)  # two more, over the light on the axis, so that the rays beyond lose 0.1 % of the energy
 _NARROW = 2.0  # pixels: half the width of a Gaussian beam that needs them
 GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
 
@@ -88,7 +89,8 @@ def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndar
     if laser.footprint == "gaussian":
         if half_width > _NARROW * receiver.pixel_tangent:
             return np.empty((0, 4)), np.empty(0)
-        radii = half_width * np.sqrt(-0.5 * np.log((np.arange(_RINGS) + 0.5) / _RINGS))
+        levels = np.append((np.arange(_RINGS) + 0.5) / _RINGS, _DIM_RINGS)
+        radii = half_width * np.sqrt(-0.5 * np.log(levels))
     elif laser.footprint != "circle":
         radii, corners, first = radii * math.sqrt(2.0), 4, 0.25 * math.pi
     if corners > 4:
