@@ -77,7 +77,7 @@ def test_the_variance_of_slabs_is_that_of_the_oracle(seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_lines_cross_the_contours_that_they_meet(seed):
-    _, pieces, steps = draw_pieces(seed, 40)
+    _, pieces, _ = draw_pieces(seed, 40)
     row = (np.arange(9.0) + 0.4) / 9.0
     starts, filled, first = np.empty(10, np.int64), np.empty(9, np.int64), np.empty(len(pieces), np.int64)
     room = np.empty(1), np.empty(1, np.int64), (np.empty(1, np.int64), np.empty(1))  # too short, so that it grows
@@ -162,7 +162,7 @@ def test_four_rays_integrate_a_pixel_without_contours_to_the_third_degree():
 
 def test_a_grid_has_one_ray_in_each_cell_and_no_two_lines_alike():
     starts, pieces, steps = draw_pieces(0, 0, (2, 2))
-    (x, y), pixel, weight, jump, _ = place(starts, pieces, steps, np.full((2, 2), 5))
+    (x, y), _, weight, jump, _ = place(starts, pieces, steps, np.full((2, 2), 5))
     assert (weight == 1.0 / 25.0).all() and (jump == np.tile([-1.0] + [-2.0] * 4, 20)).all()
     assert len(set(zip(np.floor(5 * x), np.floor(5 * y), strict=True))) == len(x) == 100
     np.testing.assert_allclose(np.mod(5 * y, 1.0), 0.5)

@@ -1,5 +1,7 @@
 """Oracles of the kernels of line sampling: pieces of contours, slabs, crossings and variances, one by one."""
 
+from itertools import pairwise
+
 import numpy as np
 
 SAME = 1e-6  # pixels: nearer ends are one
@@ -55,7 +57,7 @@ def estimate_slabs(pieces, steps, edges):
     """Return the variance of a pixel's photons by contours that cover a slab only in part."""
     variance = 0.0
     for (x0, upper, x1, lower, _), step in zip(pieces, steps, strict=True):
-        for top, bottom in zip(edges[:-1], edges[1:], strict=True):
+        for top, bottom in pairwise(edges):
             a, b = max(upper, top), min(lower, bottom)
             if a <= b and b - a < bottom - top - SAME:
                 share = (b - a) / (lower - upper) if lower > upper else 1.0
