@@ -347,7 +347,7 @@ def place_rays(
         for line in range(lines):
             first, last = line_starts[line], line_starts[line + 1]
             y, h = line_row[line], line_height[line]
-            turn = 0.5 + pixel_of * _PLASTIC + line * _GOLDEN
+            turn = pixel_of * _PLASTIC + line * _GOLDEN
             turn -= math.floor(turn)
             least = narrow * (crossing[last - 1] - crossing[first]) if last - first > _FEW_INTERVALS else 0.0
             left, step, shared, uncertain = 0.0, LINE, 0.0, 0.0
@@ -370,12 +370,12 @@ def place_rays(
                 elif across <= _SAME:
                     continue
                 rays = max(1, math.ceil(across * sides - _SAME))
+                # Between contours rays keep off the ends: a curved edge is near its chords, not on them.
+                shift = turn if shared > 0.0 or (first == last and rays > 1) else 0.5
                 for r in range(rays):
-                    at = (r + turn) / rays
+                    at = (r + shift) / rays
                     if sides == 2 and rays == 2:
                         at = _GAUSS if r == 0 else 1.0 - _GAUSS
-                    elif rays == 1 and shared == 0.0:
-                        at = 0.5
                     point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
                     pixel[n], weight[n] = pixel_of, across * h / rays
                     jump[n] = step if r == 0 else (PAIR if sides == 2 else TEXTURE)
