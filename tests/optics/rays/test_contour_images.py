@@ -50,7 +50,7 @@ def test_behind_a_lens_that_bends_them_contours_are_chords_of_the_image():
     lens = Receiver(fov_deg=30.0, f_number=2.8, n_rows=48, n_cols=64, distortion=BrownConrady(k1=-0.5))
     ends = np.array([[-0.2, 0.1, 0.2, 0.15], [0.1, 0.1, 0.102, 0.101], [0.1, -0.15, 9e6, 3e6], [2.0, 2.0, 3.0, 2.0]])
     images, steps = image_contours(lens, Laser(divergence_deg=60.0), ends, np.array([1.0, 2.0, 3.0, 4.0]))
-    steps /= steps.min()
+    steps = steps / steps.min()
     assert np.count_nonzero(np.isclose(steps, 2.0)) == 1
     on_image = (images[:, [0, 2]] > 1) & (images[:, [0, 2]] < 63) & (images[:, [1, 3]] > 1) & (images[:, [1, 3]] < 47)
     assert not on_image[np.isclose(steps, 4.0)].any()
