@@ -22,7 +22,7 @@ def draw_outline(rng):
 def test_outlines_cover_the_pixels_that_they_touch_and_few_others(seed):
     rng = np.random.default_rng(seed)
     outlines = [draw_outline(rng) for _ in range(4)]
-    of, per_side = np.array([[0, 1], [-1, -1], [1, 3], [3, 4]]), np.array([2, 3, 5, 7])
+    of, per_side = np.array([[0, 1], [-1, -1], [1, 3], [3, 4]]), np.array([7, 3, 2, 5])
     boxes = [(a.min(axis=0), a.max(axis=0)) for a in outlines]
     bounds = np.array(
         [

@@ -168,6 +168,10 @@ def test_a_second_round_replaces_the_rays_of_the_pixels_that_missed():
         np.testing.assert_array_equal(done.pixel, done.rays.pixel[done.ray])
     again = np.unique(lines.rays.pixel)
     assert 0 < len(again) < len(np.unique(rays.pixel))
+    photons = np.bincount(first.pixel, optics.pixel_photons(first, BRIGHT, LENS) * first.weight, 32 * 32)
+    share = first.photons_variance.ravel() / np.maximum(photons, 1e-3 * photons.max())
+    others = np.setdiff1d(np.flatnonzero(photons), again)
+    assert 0.0 < share[others].sum() < (0.02**2) * photons.sum() < share.sum()
     for of, before in ((last.rays, rays), (last, first)):
         finest = lines.rays if of is last.rays else finer
         is_finer = np.isin(of.pixel, again)
