@@ -9,9 +9,11 @@ from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours
 
-_SIDES_OF_CIRCLE = 96  # of the polygon of the same area that stands for a round beam's edge
-_PIECES_OF_BENT = 8  # of a contour, behind a lens that distorts
+_FEWEST_SIDES, _OFF_CIRCLE = 8, 0.01  # sides and distance [pixels] of the polygon that stands for a round beam's edge
+_PIECES_OF_BENT = 8  # of a contour that a lens bends
+_STRAIGHT = 0.01  # pixels: a contour that is bent less stays whole, so that its ends alone are edges of slabs
 _RINGS = 12  # contours of equal steps that stand for the profile of a narrow Gaussian beam
+_DIM_RINGS = (0.01, 0.001)  # two more, over the light on the axis, so that the rays beyond lose 0.1 % of the energy
 _NARROW = 2.0  # pixels: half the width of a Gaussian beam that needs them
 GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
 
@@ -35,15 +37,40 @@ def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tupl
         typical = float(np.median(steps)) if len(steps) else 1.0
         ends, steps = np.concatenate([ends, edge]), np.concatenate([steps, typical * share])
     if receiver.distortion is not None:
-        at = np.arange(_PIECES_OF_BENT + 1) / _PIECES_OF_BENT
-        right, down = (ends[:, [axis]] + at * (ends[:, [axis + 2]] - ends[:, [axis]]) for axis in (0, 1))
-        ends = np.stack([right[:, :-1], down[:, :-1], right[:, 1:], down[:, 1:]], axis=-1).reshape(-1, 4)
-        steps = np.repeat(steps, _PIECES_OF_BENT)
+        ends, steps = _bend_contours(ends, steps, receiver)
     images = np.empty_like(ends)
     for end in (0, 2):
-        x, y = (np.clip(ends[:, end + axis], -1e6, 1e6) for axis in (0, 1))
+        far = np.maximum(np.abs(ends[:, end : end + 2]).max(axis=1) / 1e6, 1.0)  # an end behind keeps its direction
+        x, y = ends[:, end] / far, ends[:, end + 1] / far
         images[:, end], images[:, end + 1] = receiver.image_of(x, y)
     return packed(images), packed(steps)
+
+
+def _bend_contours(ends: np.ndarray, steps: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
+    """Return contours within the field of a lens that distorts, those that it bends in pieces."""
+    shares = np.broadcast_to([[0.0], [1.0]], (2, len(ends))).copy()
+    for axis, edge in enumerate(receiver.field_edge):
+        start, along = ends[:, axis], ends[:, axis + 2] - ends[:, axis]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cuts = np.sort([(-edge - start) / along, (edge - start) / along], axis=0)
+        shares[0], shares[1] = np.fmax(shares[0], cuts[0]), np.fmin(shares[1], cuts[1])
+    is_seen = shares[0] < shares[1]
+    ends, steps, shares = ends[is_seen], steps[is_seen], shares[:, is_seen]
+
+    def point_at(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return right and down at shares (…, contour) of the way along contours."""
+        x, y = (ends[:, axis] + share * (ends[:, axis + 2] - ends[:, axis]) for axis in (0, 1))
+        return x, y
+
+    at = shares[0] + (np.arange(_PIECES_OF_BENT + 1) / _PIECES_OF_BENT)[:, None] * (shares[1] - shares[0])
+    image = np.stack(receiver.image_of(*point_at(at)))
+    off = image[:, _PIECES_OF_BENT // 2] - 0.5 * (image[:, 0] + image[:, -1])
+    is_bent = np.hypot(*off) > _STRAIGHT
+    right, down = point_at(at)
+    whole = np.stack([right[0], down[0], right[-1], down[-1]], axis=-1)[~is_bent]
+    pieces = np.stack([right[:-1], down[:-1], right[1:], down[1:]], axis=-1)[:, is_bent]
+    steps = np.concatenate([steps[~is_bent], np.tile(steps[is_bent], _PIECES_OF_BENT)])
+    return np.concatenate([whole, pieces.reshape(-1, 4)]), steps
 
 
 def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
@@ -55,11 +82,14 @@ def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndar
     covered = receiver.field_edge.max() * (1.0 if laser.footprint in ("square", "as_printed") else math.sqrt(2.0))
     if laser.offset is not None or half_width >= covered * (1.0 - 1e-12):
         return np.empty((0, 4)), np.empty(0)
-    radii, corners, first = np.array([half_width]), _SIDES_OF_CIRCLE, 0.0
+    # No more sides than needed: a pixel's slabs end at all of their ends only while these are few.
+    quarter = math.pi / math.sqrt(2.0 * _OFF_CIRCLE * receiver.pixel_tangent / half_width) / 4.0
+    radii, corners, first = np.array([half_width]), max(_FEWEST_SIDES, 4 * math.ceil(quarter)), 0.0
     if laser.footprint == "gaussian":
         if half_width > _NARROW * receiver.pixel_tangent:
             return np.empty((0, 4)), np.empty(0)
-        radii = half_width * np.sqrt(-0.5 * np.log((np.arange(_RINGS) + 0.5) / _RINGS))
+        levels = np.append((np.arange(_RINGS) + 0.5) / _RINGS, _DIM_RINGS)
+        radii = half_width * np.sqrt(-0.5 * np.log(levels))
     elif laser.footprint != "circle":
         radii, corners, first = radii * math.sqrt(2.0), 4, 0.25 * math.pi
     if corners > 4:

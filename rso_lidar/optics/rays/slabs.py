@@ -364,10 +364,7 @@ def place_rays(
     for p in range(height * width):
         most = max(most, starts[p + 1] - starts[p])
     edges, room = np.empty(_MOST_SLABS + _BINS), np.empty((3, _BINS))
-    greatest_side = 1
-    for p in range(height * width):
-        greatest_side = max(greatest_side, per_side[p // width, p % width])
-    many = (_MOST_SLABS + 2) * (1 + greatest_side)
+    many = (_MOST_SLABS + 2) * (1 + per_side.max()) if per_side.size else 0
     line_row, line_height, line_starts = np.empty(many), np.empty(many), np.empty(many + 1, np.int64)
     filled, first_line = np.empty(many, np.int64), np.empty(most, np.int64)
     expected, greatest = np.empty(many), np.empty(many)
@@ -427,12 +424,12 @@ def place_rays(
                 elif across <= _SAME:
                     continue
                 rays = max(1, math.ceil(across * sides - _SAME))
+                # Between contours rays keep off the ends: a curved edge is near its chords, not on them.
+                shift = turn if shared > 0.0 or (first == last and rays > 1) else 0.5
                 for r in range(rays):
-                    at = (r + turn) / rays
+                    at = (r + shift) / rays
                     if sides == 2 and rays == 2:
                         at = _GAUSS if r == 0 else 1.0 - _GAUSS
-                    elif rays == 1 and shared == 0.0:
-                        at = 0.5
                     point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
                     if begin == end and sides > 2:
                         up = turn + r * _PLASTIC

@@ -171,9 +171,11 @@ def project_edges(
         if facets[e, 1] >= 0:
             other = brightness[facets[e, 1]]
             c, d = beyond[e, 0], beyond[e, 1]
-            across, along = right[b] - right[a], down[b] - down[a]
-            side_c = across * (down[c] - down[a]) - along * (right[c] - right[a])
-            side_d = across * (down[d] - down[a]) - along * (right[d] - right[a])
+            # Normal to the plane through the lidar and the edge; it parts corners behind the lidar too.
+            dx, dy, dz = x[b] - x[a], y[b] - y[a], z[b] - z[a]
+            nx, ny, nz = y[a] * dz - z[a] * dy, z[a] * dx - x[a] * dz, x[a] * dy - y[a] * dx
+            side_c = nx * (x[c] - x[a]) + ny * (y[c] - y[a]) + nz * (z[c] - z[a])
+            side_d = nx * (x[d] - x[a]) + ny * (y[d] - y[a]) + nz * (z[d] - z[a])
             brighter = max(step, other)
             step = brighter
             if side_c * side_d < 0.0:

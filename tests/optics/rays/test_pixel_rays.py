@@ -1,7 +1,8 @@
+"""Fixed grids of rays: where rays go, which pixels get them, and what a beam's edge leaves of them."""
+
 import math
 import os
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from rso_lidar.records import Extent
 from tests.optics.bench_for_tests import PAPER_LASER, PAPER_RECEIVER, place, plate, surface, truth_of
 
 HALF = math.tan(math.radians(1.25))
+WIDE = Laser(divergence_deg=170.0)
+EVERYWHERE = Extent(np.full((1, 2), -np.inf), np.full((1, 2), np.inf))
 
 
 def extent(*boxes):
@@ -24,13 +27,27 @@ def extent(*boxes):
     return Extent(low, high)
 
 
-EVERYWHERE = Extent(np.full((1, 2), -np.inf), np.full((1, 2), np.inf))
+def tangents(rays):
+    """Return x and y of the rays in the tangent plane."""
+    return rays.direction[:, 0] / rays.direction[:, 2], rays.direction[:, 1] / rays.direction[:, 2]
 
 
-def exact_sums(rays):
-    """Return the weights of each pixel that has rays, summed without rounding."""
-    ends = np.append(np.flatnonzero(np.diff(rays.pixel, prepend=-1)), len(rays.pixel))
-    return np.array([math.fsum(rays.weight[a:b]) for a, b in pairwise(ends)])
+def cells_of(rays, receiver, side):
+    """Return the cell of a pixel's side x side grid in which each ray is, after checking that it is in its pixel."""
+    col, row = receiver.image_of(*tangents(rays))
+    np.testing.assert_array_equal(np.floor(row) * receiver.n_cols + np.floor(col), rays.pixel)
+    down, across = (np.floor(side * np.mod(at, 1.0) + 1e-9) for at in (row, col))  # a ray may be on a cell's first edge
+    return down * side + across
+
+
+def assert_grid(rays, receiver):
+    """Assert that each pixel that has rays has one in each cell of its grid, of equal weights."""
+    side = receiver.rays_per_side
+    key = rays.pixel * side**2 + cells_of(rays, receiver, side)
+    assert len(np.unique(key)) == len(key) == len(np.unique(rays.pixel)) * side**2
+    np.testing.assert_allclose(rays.weight, 1.0 / side**2, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(rays.direction, axis=1), 1.0, rtol=0, atol=1e-15)
+    assert (np.diff(rays.pixel) >= 0).all()
 
 
 def test_one_ray_a_pixel_goes_through_its_centre():
@@ -41,15 +58,12 @@ def test_one_ray_a_pixel_goes_through_its_centre():
     assert np.allclose(rays.direction, receiver.line_of_sight.reshape(-1, 3), rtol=0, atol=1e-15)
 
 
-def test_every_cell_of_the_grid_has_its_ray():
-    rays = pixel_rays(PAPER_RECEIVER, PAPER_LASER, EVERYWHERE)
-    assert np.bincount(rays.pixel).tolist() == [16] * 128 * 128
-    assert np.allclose(np.linalg.norm(rays.direction, axis=1), 1, rtol=0, atol=1e-15)
-    x, y = rays.direction[:, 0] / rays.direction[:, 2], rays.direction[:, 1] / rays.direction[:, 2]
-    cells = np.stack([y, x]) / PAPER_RECEIVER.pixel_tangent + 64
-    assert np.array_equal(np.floor(cells[0]) * 128 + np.floor(cells[1]), rays.pixel)
-    steps = np.unique(np.round(np.mod(cells, 1) * 8, 6))
-    assert steps.tolist() == [1, 3, 5, 7]  # centres of quarters
+@pytest.mark.parametrize("side", [2, 3, 4, None])
+def test_every_cell_of_the_grid_has_its_ray(side):
+    receiver = PAPER_RECEIVER.replace(n_rows=32, n_cols=40, rays_per_pixel=None if side is None else side**2)
+    rays = pixel_rays(receiver, PAPER_LASER, EVERYWHERE)
+    assert len(rays.pixel) == 32 * 40 * (side or 4) ** 2
+    assert_grid(rays, receiver)
 
 
 @pytest.mark.parametrize(
@@ -63,44 +77,6 @@ def test_no_targets_no_rays():
     assert len(pixel_rays(PAPER_RECEIVER, PAPER_LASER, Extent(np.zeros((0, 2)), np.zeros((0, 2)))).pixel) == 0
 
 
-def test_a_target_half_out_of_the_field():
-    rays = pixel_rays(PAPER_RECEIVER, PAPER_LASER, extent(((0.9, -0.1), (2, 0.1))))
-    x, y = rays.direction[:, 0] / rays.direction[:, 2] / HALF, rays.direction[:, 1] / rays.direction[:, 2] / HALF
-    cell = 2 / 512
-    assert x.max() < 1 and x.min() > 0.9 - cell and np.abs(y).max() < 0.1 + cell
-    assert np.ptp(x) > 0.1 - 2 * cell and np.ptp(y) > 0.2 - 2 * cell
-
-
-@pytest.mark.parametrize("side", [0.3, 0.03, 3e-3, 3e-4, 3e-5])
-def test_a_small_target_gets_enough_rays_inside_its_bounds(side):
-    """`min_rays_per_target` is kept down to a target of 3e-5 half fields, 0.002 pixel across."""
-    box = ((0.1234, -0.4321), (0.1234 + side, -0.4321 + side))
-    rays = pixel_rays(PAPER_RECEIVER, PAPER_LASER, extent(box))
-    x, y = rays.direction[:, 0] / rays.direction[:, 2] / HALF, rays.direction[:, 1] / rays.direction[:, 2] / HALF
-    inside = (x >= box[0][0]) & (x <= box[1][0]) & (y >= box[0][1]) & (y <= box[1][1])
-    assert 3800 <= inside.sum()  # whole rows and columns: one of 64 each may fall on the edge
-    assert len(rays.pixel) <= 6 * 4096
-    # Shares of area: what falls inside adds up to the box, to a row and a column of the finest grid.
-    area = (side * 64) ** 2
-    assert rays.weight[inside].sum() == pytest.approx(area, rel=4 / 64)
-
-
-def test_min_rays_can_be_switched_off():
-    receiver = PAPER_RECEIVER.replace(min_rays_per_target=0)
-    rays = pixel_rays(receiver, PAPER_LASER, extent(((0.1234, -0.4321), (0.1235, -0.432))))
-    assert len(rays.pixel) <= 4 and np.all(rays.weight == 1 / 16)
-
-
-@pytest.mark.parametrize(("range_km", "small_m"), [(3, 0.2), (10, 0.2), (50, 0.2), (3, 0.02)])
-def test_a_small_target_before_a_large_one_costs_no_second_frame(range_km, small_m):
-    """A small box before one of 30 m: no more rays than two whole frames, at any range, or memory runs out."""
-    field_m = 2 * HALF * range_km * 1e3
-    small, large = 0.5 * small_m / field_m, 30 / field_m
-    both = extent(((-large, -large), (large, large)), ((0.11 * large, 0.1 * large), (0.11 * large + 2 * small,) * 2))
-    made = len(pixel_rays(PAPER_RECEIVER, PAPER_LASER, both).pixel)
-    assert made <= 2 * 128 * 128 * 16, f"{made:,} rays"
-
-
 bounds = st.tuples(*[st.floats(-1.2, 1.2)] * 2, *[st.floats(1e-3, 0.6)] * 2).map(
     lambda b: ((b[0], b[1]), (b[0] + b[2], b[1] + b[3]))
 )
@@ -108,59 +84,84 @@ bounds = st.tuples(*[st.floats(-1.2, 1.2)] * 2, *[st.floats(1e-3, 0.6)] * 2).map
 
 @settings(max_examples=40)
 @given(st.lists(bounds, min_size=1, max_size=4), st.sampled_from([1, 4, 9]), st.integers(3, 17), st.integers(3, 17))
-def test_shares_of_a_pixel_never_exceed_it_and_no_ray_is_made_twice(boxes, rays_per_pixel, n_rows, n_cols):
-    receiver = Receiver(
-        focal_length_mm=100,
-        f_number=2,
-        n_rows=n_rows,
-        n_cols=n_cols,
-        rays_per_pixel=rays_per_pixel,
-        min_rays_per_target=256,
+def test_whole_pixels_that_bounds_touch_get_a_grid(boxes, rays_per_pixel, n_rows, n_cols):
+    receiver = Receiver(focal_length_mm=100, f_number=2, n_rows=n_rows, n_cols=n_cols, rays_per_pixel=rays_per_pixel)
+    low, high = np.array(boxes).transpose(1, 0, 2) * 0.5 * max(n_rows, n_cols) * receiver.pixel_tangent
+    ends = [np.stack(receiver.image_of(*corner.T), axis=1) for corner in (low, high)]
+    least, most = np.zeros((2, n_rows, n_cols), bool)
+    rows, cols = np.arange(n_rows)[:, None], np.arange(n_cols)
+    for (x0, y0), (x1, y1) in zip(*ends, strict=True):
+        for touched, margin in ((least, 0.0), (most, 1e-8)):
+            reached = (y0 - margin < rows + 1) & (y1 + margin > rows)
+            touched |= reached & (x0 - margin < cols + 1) & (x1 + margin > cols)
+    if not least.any():
+        return
+    rays = pixel_rays(receiver, WIDE, Extent(low, high))
+    assert_grid(rays, receiver)
+    sampled = set(rays.pixel.tolist())
+    assert set(np.flatnonzero(least)) <= sampled <= set(np.flatnonzero(most))
+
+
+def test_rays_follow_from_what_is_seen_and_not_from_the_focal_plane():
+    large = PAPER_RECEIVER.replace(n_rows=1024, n_cols=1024, rays_per_pixel=1)
+    assert len(pixel_rays(large, PAPER_LASER, extent(((0.1, 0.1), (0.11, 0.11)))).pixel) <= 7**2
+
+
+# ---------------------------------------------------------------------------------------------------- the beam's edge
+
+
+@pytest.mark.parametrize("side", [1, 2, 4])
+@pytest.mark.parametrize("divergence_deg", [0.7, 0.3, 0.05, 0.004])
+@pytest.mark.parametrize("footprint", ["square", "circle", "as_printed", "gaussian"])
+def test_a_narrow_beam_lights_its_area(footprint, divergence_deg, side):
+    receiver = PAPER_RECEIVER.replace(n_rows=32, n_cols=32, rays_per_pixel=side**2)
+    laser = Laser(divergence_deg=divergence_deg, footprint=footprint)
+    rays = pixel_rays(receiver, laser, EVERYWHERE)
+    np.testing.assert_allclose(np.bincount(rays.pixel, rays.weight)[np.unique(rays.pixel)], 1.0, rtol=0, atol=1e-5)
+    half = laser.half_width_tangent / receiver.pixel_tangent
+    col, row = receiver.image_of(*tangents(rays))
+    reach = half * (3.5 if footprint == "gaussian" else 1.0)
+    assert max(np.abs(np.floor(col) + 0.5 - 16.0).max(), np.abs(np.floor(row) + 0.5 - 16.0).max()) <= reach + 0.5
+    lit = laser.density(*tangents(rays)) > 0
+    if footprint == "circle":
+        assert rays.weight[lit].sum() == pytest.approx(math.pi * half**2, rel=1e-3)
+    elif footprint != "gaussian":
+        assert rays.weight[lit].sum() == pytest.approx(4.0 * half**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("footprint", ["square", "circle"])
+@pytest.mark.parametrize("distortion", [None, BrownConrady(k1=5.0)], ids=["straight", "bent"])
+def test_for_sunlight_the_whole_field_has_rays_and_the_beam_its_share(footprint, distortion):
+    """Under a narrow beam every pixel is covered whole, and what is lit is exactly what it is without sunlight."""
+    laser = Laser(divergence_deg=0.7, footprint=footprint)
+    receiver = PAPER_RECEIVER.replace(distortion=distortion)
+    dark = pixel_rays(receiver, laser, EVERYWHERE)
+    sunlit = pixel_rays(receiver.replace(filter_width_nm=1.0), laser, EVERYWHERE)
+    assert np.all(np.diff(sunlit.pixel) >= 0)
+    assert np.bincount(sunlit.pixel, sunlit.weight) == pytest.approx(1, rel=1e-5)
+    lit, lit_dark = (laser.density(*tangents(rays)) > 0 for rays in (sunlit, dark))
+    np.testing.assert_allclose(
+        np.bincount(sunlit.pixel[lit], sunlit.weight[lit], 128**2),
+        np.bincount(dark.pixel[lit_dark], dark.weight[lit_dark], 128**2),
+        rtol=0,
+        atol=1e-9,
     )
-    half = 0.5 * max(n_rows, n_cols) * receiver.pixel_tangent
-    low, high = np.array(boxes).transpose(1, 0, 2) * half
-    rays = pixel_rays(receiver, Laser(divergence_deg=170), Extent(low, high))
-    assert np.all(np.diff(rays.pixel) >= 0)
-    if len(rays.pixel):
-        assert exact_sums(rays).max() <= 1 + 1e-12
-        assert len(np.unique(rays.direction, axis=0)) == len(rays.pixel)
-        x, y = rays.direction[:, 0] / rays.direction[:, 2], rays.direction[:, 1] / rays.direction[:, 2]
-        row, col = np.floor(y / receiver.pixel_tangent + n_rows / 2), np.floor(x / receiver.pixel_tangent + n_cols / 2)
-        assert np.array_equal(row * n_cols + col, rays.pixel)
-        cells = np.sqrt(1 / rays.weight)
-        assert np.allclose(cells, np.rint(cells), rtol=0, atol=1e-6)
-    # What a box covers of the field is covered by rays, whole.
-    for a, b in zip(low, high, strict=True):
-        seen = np.clip(
-            [a, b],
-            [-0.5 * n_cols * receiver.pixel_tangent, -0.5 * n_rows * receiver.pixel_tangent],
-            [0.5 * n_cols * receiver.pixel_tangent, 0.5 * n_rows * receiver.pixel_tangent],
-        )
-        sides = (seen[1] - seen[0]) / receiver.pixel_tangent
-        if np.all(sides > 0):
-            x, y = rays.direction[:, 0] / rays.direction[:, 2], rays.direction[:, 1] / rays.direction[:, 2]
-            half_cell = 0.5 * np.sqrt(rays.weight) * receiver.pixel_tangent
-            within = (x + half_cell > seen[0, 0]) & (x - half_cell < seen[1, 0])
-            within &= (y + half_cell > seen[0, 1]) & (y - half_cell < seen[1, 1])
-            width = np.minimum(x + half_cell, seen[1, 0]) - np.maximum(x - half_cell, seen[0, 0])
-            height = np.minimum(y + half_cell, seen[1, 1]) - np.maximum(y - half_cell, seen[0, 1])
-            covered = np.sum((width * height)[within]) / receiver.pixel_tangent**2
-            # A ray stands for its cell; at most a border of half a cell, of 1/16 of the grid's beside a finer target, has
-            # its centre outside the bounds.
-            widest = max(np.sqrt(rays.weight.max(initial=0.0)), 1 / (16 * receiver.rays_per_side))
-            border = 2 * sides.sum() * widest + 4 * widest**2
-            assert covered == pytest.approx(sides.prod(), abs=border) and covered <= sides.prod() * (1 + 1e-9)
+    assert len(sunlit.pixel) < 1.02 * 128**2 * 16
 
 
-@pytest.mark.parametrize("footprint", ["square", "circle", "gaussian", "as_printed"])
-def test_only_what_is_lit_gets_rays(footprint):
-    laser = Laser(divergence_deg=0.3, footprint=footprint)
-    rays = pixel_rays(PAPER_RECEIVER, laser, EVERYWHERE)
-    x, y = rays.direction[:, 0] / rays.direction[:, 2], rays.direction[:, 1] / rays.direction[:, 2]
-    assert np.all(laser.density(x, y) > 0) or footprint == "gaussian"
-    assert exact_sums(rays).max() <= 1 + 1e-12
-    if footprint != "gaussian":
-        assert len(rays.pixel) < 0.02 * 128 * 128 * 16
+def test_a_beam_wider_than_the_field_makes_no_more_rays_for_sunlight():
+    for receiver in (PAPER_RECEIVER, PAPER_RECEIVER.replace(distortion=BrownConrady(k1=2.0))):
+        laser = Laser(divergence_deg=4.0)
+        with_sun = pixel_rays(receiver.replace(filter_width_nm=1.0), laser, EVERYWHERE)
+        without = pixel_rays(receiver, laser, EVERYWHERE)
+        assert with_sun.direction.tobytes() == without.direction.tobytes()
+        assert with_sun.weight.tobytes() == without.weight.tobytes()
+
+
+def test_a_laser_beside_the_lens_gets_the_whole_field():
+    """Where its light falls depends on the range: every cell that may hit has its ray."""
+    rays = pixel_rays(PAPER_RECEIVER, Laser(divergence_deg=0.3, offset_m=(0.5, 0.0, 0.0)), EVERYWHERE)
+    assert np.bincount(rays.pixel).tolist() == [16] * 128 * 128
 
 
 # ---------------------------------------------------------------------------------------------- a lens that bends rays
@@ -180,19 +181,12 @@ def bent(name, **settings):
     return Receiver(fov_deg=fov_deg, f_number=2.8, distortion=distortion, **settings)
 
 
-def cells_of(rays, receiver):
-    """Return where rays fall on the focal plane: column and row in pixels."""
-    return receiver.image_of(*(rays.direction[:, axis] / rays.direction[:, 2] for axis in (0, 1)))
-
-
 @pytest.mark.parametrize("name", BENT)
-def test_bent_rays_fall_on_the_middles_of_their_cells(name):
+def test_bent_rays_fall_on_their_cells(name):
     receiver = bent(name)
-    rays = pixel_rays(receiver, Laser(divergence_deg=170.0), EVERYWHERE)
-    assert np.all(np.bincount(rays.pixel, minlength=48 * 64) == 4)
-    col, row = cells_of(rays, receiver)
-    assert np.array_equal(np.floor(row) * 64 + np.floor(col), rays.pixel)
-    assert np.abs(np.mod(2 * np.stack([col, row]), 1) - 0.5).max() < 1e-8
+    rays = pixel_rays(receiver, WIDE, EVERYWHERE)
+    assert len(rays.pixel) == 4 * 48 * 64
+    assert_grid(rays, receiver)
 
 
 def random_scene(rng, half):
@@ -209,37 +203,19 @@ def random_scene(rng, half):
 def test_culling_behind_a_bent_lens_loses_no_ray_that_hits(name, rays_per_pixel):
     """Against all rays of the field, cast one and all: the same hits, and few rays made in vain."""
     receiver = bent(name, min_rays_per_target=0, rays_per_pixel=rays_per_pixel)
-    laser = Laser(divergence_deg=170.0)
-    every = pixel_rays(receiver, laser, EVERYWHERE)
+    every = pixel_rays(receiver, WIDE, EVERYWHERE)
     rng = np.random.default_rng(4)
     met = made = 0
     for _ in range(12):
         target, truth = random_scene(rng, math.tan(math.radians(BENT[name][0]) / 2))
-        rays = pixel_rays(receiver, laser, scene.extent([target], truth))
+        rays = pixel_rays(receiver, WIDE, scene.extent([target], truth))
         hits, all_hits = (scene.cast(r, [target], truth, 1) for r in (rays, every))
         assert np.array_equal(hits.pixel, all_hits.pixel)
-        assert np.array_equal(hits.rays.direction[hits.ray], all_hits.rays.direction[all_hits.ray])
+        np.testing.assert_allclose(
+            hits.rays.direction[hits.ray], all_hits.rays.direction[all_hits.ray], rtol=0, atol=1e-12
+        )
         met, made = met + len(all_hits.ray), made + len(rays.pixel)
-    assert met > 5000 and made < 1.3 * met
-
-
-@pytest.mark.parametrize("name", BENT)
-@pytest.mark.parametrize("side_pixels", [0.5, 0.05, 0.005])
-def test_a_small_target_behind_a_bent_lens_gets_enough_rays(name, side_pixels):
-    """As without distortion: `min_rays_per_target` of them within its bounds, whose weights are its share of the image."""
-    receiver = bent(name)
-    x, y = receiver.tangents_at(np.array([9.3, 9.3 + side_pixels]), np.array([40.2, 40.2 + side_pixels]))
-    low, high = np.array([[x.min(), y.min()]]), np.array([[x.max(), y.max()]])
-    rays = pixel_rays(receiver, Laser(divergence_deg=170.0), Extent(low, high))
-    across, down = (rays.direction[:, axis] / rays.direction[:, 2] for axis in (0, 1))
-    inside = (across >= low[0, 0]) & (across <= high[0, 0]) & (down >= low[0, 1]) & (down <= high[0, 1])
-    assert 3000 <= inside.sum() and len(rays.pixel) <= 8 * 4096
-    seen = (
-        (high - low).prod()
-        / receiver.distortion.area_at_direction(across.mean(), down.mean())
-        / receiver.pixel_tangent**2
-    )
-    assert rays.weight[inside].sum() == pytest.approx(seen, rel=0.07)  # a row and a column of 64 each
+    assert met > 5000 and made < 1.4 * met
 
 
 @pytest.mark.parametrize("name", BENT)
@@ -248,64 +224,21 @@ def test_nothing_in_a_bent_field_no_rays(name):
     far = 1.2 * receiver.field_edge.max()
     for box in ([[far, -0.1], [far + 1, 0.1]], [[-0.1, -far - 1], [0.1, -far]], [[np.inf] * 2, [-np.inf] * 2]):
         low, high = np.array(box)[:, None]
-        assert len(pixel_rays(receiver, Laser(divergence_deg=170.0), Extent(low, high)).pixel) == 0
+        assert len(pixel_rays(receiver, WIDE, Extent(low, high)).pixel) == 0
 
 
 @pytest.mark.parametrize("footprint", ["square", "circle"])
 @pytest.mark.parametrize("name", BENT)
 def test_a_narrow_beam_behind_a_bent_lens_lights_its_area(name, footprint):
-    """Solid angles of lit cells sum to the footprint's: what the edge leaves dark is not counted, nor lost.
-
-    A cell's edges are taken as straight and its area as that in its middle, so edge cells are good to some per cent.
-    """
+    """Solid angles of lit rays sum to the footprint's."""
     receiver = bent(name, rays_per_pixel=16)
     laser = Laser(divergence_deg=0.55 * BENT[name][0], footprint=footprint)
     rays = pixel_rays(receiver, laser, EVERYWHERE)
-    x, y = (rays.direction[:, axis] / rays.direction[:, 2] for axis in (0, 1))
-    assert np.all(laser.density(x, y) > 0)
-    area = np.sum(rays.weight * receiver.distortion.area_at_direction(x, y)) * receiver.pixel_tangent**2
+    x, y = tangents(rays)
+    shares = rays.weight * receiver.distortion.area_at_direction(x, y) * receiver.pixel_tangent**2
     t = laser.half_width_tangent
+    area = shares[laser.density(x, y) > 0].sum()
     assert area == pytest.approx(math.pi * t * t if footprint == "circle" else 4 * t * t, rel=2e-3)
-
-
-# ------------------------------------------------------------------------------------------- rays that only the Sun lights
-
-
-@pytest.mark.parametrize("footprint", ["square", "circle"])
-@pytest.mark.parametrize("distortion", [None, BrownConrady(k1=5.0)], ids=["straight", "bent"])
-def test_for_sunlight_the_whole_field_has_rays_and_the_beam_its_share(footprint, distortion):
-    """Under a narrow beam every pixel is covered whole, and what is lit is exactly what it is without sunlight."""
-    laser = Laser(divergence_deg=0.7, footprint=footprint)
-    receiver = PAPER_RECEIVER.replace(distortion=distortion)
-    dark = pixel_rays(receiver, laser, EVERYWHERE)
-    sunlit = pixel_rays(receiver.replace(filter_width_nm=1.0), laser, EVERYWHERE)
-    assert np.all(np.diff(sunlit.pixel) >= 0)
-    assert np.bincount(sunlit.pixel, sunlit.weight) == pytest.approx(1, rel=1e-12)
-    x, y = (sunlit.direction[:, axis] / sunlit.direction[:, 2] for axis in (0, 1))
-    lit = laser.density(x, y) > 0
-    assert np.bincount(sunlit.pixel[lit], sunlit.weight[lit], 128**2) == pytest.approx(
-        np.bincount(dark.pixel, dark.weight, 128**2), abs=1e-9
-    )
-    assert np.allclose(np.linalg.norm(sunlit.direction, axis=1), 1, rtol=0, atol=1e-12)
-    cells = np.floor(np.stack(receiver.image_of(x, y))[::-1]).astype(int)
-    if distortion is None:
-        assert np.array_equal(cells[0] * 128 + cells[1], sunlit.pixel)
-    assert len(sunlit.pixel) < 1.02 * 128**2 * 16
-
-
-def test_a_beam_wider_than_the_field_makes_no_more_rays_for_sunlight():
-    for receiver in (PAPER_RECEIVER, PAPER_RECEIVER.replace(distortion=BrownConrady(k1=2.0))):
-        laser = Laser(divergence_deg=4.0)
-        with_sun = pixel_rays(receiver.replace(filter_width_nm=1.0), laser, EVERYWHERE)
-        without = pixel_rays(receiver, laser, EVERYWHERE)
-        assert with_sun.direction.tobytes() == without.direction.tobytes()
-        assert with_sun.weight.tobytes() == without.weight.tobytes()
-
-
-def test_a_laser_beside_the_lens_gets_the_whole_field():
-    """Where its light falls depends on the range: every cell that may hit has its ray."""
-    rays = pixel_rays(PAPER_RECEIVER, Laser(divergence_deg=0.3, offset_m=(0.5, 0.0, 0.0)), EVERYWHERE)
-    assert np.bincount(rays.pixel).tolist() == [16] * 128 * 128
 
 
 # ------------------------------------------------------------------------------------------ rays that cannot hit vanish
@@ -338,14 +271,4 @@ def test_outlines_lose_no_ray_that_hits(distortion):
             assert np.array_equal(hits.pixel, all_hits.pixel) and np.array_equal(hits.weight, all_hits.weight)
             assert np.allclose(some.direction[hits.ray], every.direction[all_hits.ray], rtol=0, atol=1e-12)
             hit, made, before = hit + len(hits.ray), made + len(some.pixel), before + len(every.pixel)
-    assert hit > 10_000 and made < 1.35 * hit < 0.7 * before
-
-
-def test_a_small_target_on_a_large_focal_plane_and_many_of_them():
-    """Rays follow from what is seen, not from the number of pixels or of other targets."""
-    large = PAPER_RECEIVER.replace(n_rows=1024, n_cols=1024, rays_per_pixel=1)
-    assert len(pixel_rays(large, PAPER_LASER, extent(((0.1, 0.1), (0.11, 0.11)))).pixel) < 6 * 4096
-    corner = np.random.default_rng(4).uniform(-0.9, 0.9, (50, 2))
-    boxes = [((x, y), (x + 0.002, y + 0.002)) for x, y in corner]
-    rays = pixel_rays(PAPER_RECEIVER, PAPER_LASER, extent(*boxes))
-    assert 40 * 4096 < len(rays.pixel) < 50 * 6 * 4096 and exact_sums(rays).max() <= 1 + 1e-12
+    assert hit > 10_000 and made < 1.6 * hit < 0.8 * before

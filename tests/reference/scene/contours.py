@@ -4,9 +4,11 @@ import numpy as np
 
 from rso_lidar.records import Contours
 
+_LEAST_DEPTH_M = 1e-6
 
-def contours(surfaces, truth):
-    """Return the rims and folds of all surfaces."""
+
+def contours(surfaces, truth, least_crease):
+    """Return the rims, folds and creases of all surfaces."""
     ends, steps, numbers = [], [], []
     for number, surface in enumerate(surfaces):
         translation, matrix = truth.poses.place("lidar", surface.name)
@@ -18,20 +20,28 @@ def contours(surfaces, truth):
                 owners.setdefault(side, []).append((facet, triangle[i], triangle[(i + 1) % 3], triangle[(i + 2) % 3]))
         for sides in owners.values():
             a, b = sides[0][1:3]
-            if min(a[2], b[2]) <= 1e-6:
+            if max(a[2], b[2]) <= _LEAST_DEPTH_M:
                 continue
-            image = [point[:2] / point[2] for point in (a, b)]
-            along = image[1] - image[0]
-            if len(sides) == 2:
-                beyond = [side[3][:2] / side[3][2] - image[0] for side in sides]
-                if np.prod([along[0] * off[1] - along[1] * off[0] for off in beyond]) < 0.0:
-                    continue
             of = [_brightness(surface, corners, side[0]) for side in (sides if len(sides) == 2 else sides[:1])]
-            if max(of) > 0.0:
-                ends.append(np.concatenate(image))
-                steps.append(max(of))
+            step = max(of)
+            # The plane through the lidar and the edge has both facets on one side of it: a fold.
+            if len(sides) == 2 and np.linalg.det([a, b, sides[0][3]]) * np.linalg.det([a, b, sides[1][3]]) < 0.0:
+                step = abs(of[0] - of[1])
+                if step < least_crease * max(of):
+                    continue
+            if step > 0.0:
+                ends.append(np.concatenate([_image(a, b), _image(b, a)]))
+                steps.append(step)
                 numbers.append(number)
     return Contours(np.array(ends).reshape(-1, 4), np.array(steps), np.array(numbers, np.int16))
+
+
+def _image(point, other):
+    """Return x/z and y/z of one end of an edge, or of where the edge reaches the lidar's plane."""
+    if point[2] < _LEAST_DEPTH_M:
+        point = other + (other[2] - _LEAST_DEPTH_M) / (other[2] - point[2]) * (point - other)
+        return point[:2] / _LEAST_DEPTH_M
+    return point[:2] / point[2]
 
 
 def _brightness(surface, corners, facet):

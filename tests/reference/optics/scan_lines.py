@@ -1,0 +1,103 @@
+"""Oracles of the kernels of line sampling: pieces of contours, slabs, crossings and variances, one by one."""
+
+from itertools import pairwise
+
+import numpy as np
+
+SAME = 1e-6  # pixels: nearer ends are one
+
+
+def cut_contours(ends, steps, window):
+    """Return pieces (pixel of the window, column and row of both ends, slope, step), clipped to each pixel in turn."""
+    top, bottom, left, right = window
+    pieces = []
+    for row in range(top, bottom):
+        for col in range(left, right):
+            for (x0, y0, x1, y1), step in zip(ends, steps, strict=True):
+                if y1 < y0:
+                    x0, y0, x1, y1 = x1, y1, x0, y0
+                shares = [0.0, 1.0]
+                for start, along, low in ((x0, x1 - x0, col), (y0, y1 - y0, row)):
+                    if along == 0.0:
+                        cut = [0.0, 1.0] if low <= start < low + 1 else [1.0, 0.0]
+                    else:
+                        cut = sorted([(low - start) / along, (low + 1 - start) / along])
+                    shares = [max(shares[0], cut[0]), min(shares[1], cut[1])]
+                if shares[0] < shares[1]:
+                    at = [(x0 + s * (x1 - x0) - col, y0 + s * (y1 - y0) - row) for s in shares]
+                    slope = (x1 - x0) / (y1 - y0) if y1 > y0 else 0.0
+                    pieces.append(((row - top) * (right - left) + col - left, *at[0], *at[1], slope, step))
+    return np.array(pieces).reshape(-1, 7)
+
+
+def touches(outline, centre, half):
+    """Return whether a convex outline (corner, row_col) comes within `half` of a point along both axes at once.
+
+    Of two convex shapes that do not meet, the normal to one of their sides parts them.
+    """
+    sides = np.roll(outline, -1, axis=0) - outline
+    for normal in [(1.0, 0.0), (0.0, 1.0), *zip(-sides[:, 1], sides[:, 0], strict=True)]:
+        along = (outline - centre) @ normal
+        reach = half * np.abs(normal).sum()
+        if along.min() > reach or along.max() < -reach:
+            return False
+    return True
+
+
+def find_ends(pieces, steep):
+    """Return the different rows inside a pixel at which its contours end, but for steep ones; the outermost always count."""
+    width = np.ptp(pieces[:, [0, 2]])
+    counts = np.abs(pieces[:, 2] - pieces[:, 0]) >= steep * width * (pieces[:, 3] - pieces[:, 1])
+    rows = np.sort(np.concatenate([pieces[counts][:, [1, 3]].ravel(), [pieces[:, 1].min(), pieces[:, 3].max()]]))
+    rows = rows[np.diff(rows, prepend=-1.0) > SAME]
+    return rows[(rows > SAME) & (rows < 1.0 - SAME)]
+
+
+def estimate_slabs(pieces, steps, edges):
+    """Return the variance of a pixel's photons by contours that cover a slab only in part."""
+    variance = 0.0
+    for (x0, upper, x1, lower, _), step in zip(pieces, steps, strict=True):
+        for top, bottom in pairwise(edges):
+            a, b = max(upper, top), min(lower, bottom)
+            if a <= b and b - a < bottom - top - SAME:
+                share = (b - a) / (lower - upper) if lower > upper else 1.0
+                off = min(0.5 * (a + b) - top, bottom - 0.5 * (a + b))
+                variance += (step * abs(x1 - x0) * share * off) ** 2
+    return variance
+
+
+def cross_line(pieces, row):
+    """Return the columns at which a line crosses contours, sorted, and the numbers of the pieces."""
+    number = np.flatnonzero((pieces[:, 1] < row) & (row <= pieces[:, 3]))
+    column = pieces[number, 0] + pieces[number, 4] * (row - pieces[number, 1])
+    order = np.argsort(column)
+    return column[order], number[order]
+
+
+def estimate_meeting(pieces, steps, gap, row, height):
+    """Return the squared light of the area by which two contours may be in the wrong order, towards their farther end."""
+    above, below = row - pieces[:, 1].max(), pieces[:, 3].min() - row
+    off = np.linspace(0.0, min(0.5 * height, max(above, below)), 20_001)
+    behind = np.maximum(off * abs(pieces[0, 4] - pieces[1, 4]) - gap, 0.0)
+    return (min(steps) * np.trapezoid(behind, off)) ** 2
+
+
+def correct_variance(rays, variance, per_step, per_texture, per_twist):
+    """Return the variance of one pixel, the factor on what contours are expected to leave, and the pixel's photons.
+
+    Parameters
+    ----------
+    rays : (ray, 3) weight, jump and light
+    variance : as expected
+    """
+    weight, jump, light = rays.T
+    change = np.diff(light, prepend=np.nan)
+    crossed, texture = jump > 0.0, jump == -2.0
+    factor = per_step
+    if crossed.any():
+        factor *= np.minimum(np.abs(change[crossed]), jump[crossed]) @ np.minimum(np.abs(change), jump)[crossed]
+        factor /= jump[crossed] @ jump[crossed]
+    uneven = per_texture * ((weight * change)[texture] ** 2).sum()
+    if jump.tolist() == [-1.0, 0.0, -1.0, 0.0]:
+        uneven += per_twist * (weight[0] * (light @ [1.0, -1.0, -1.0, 1.0])) ** 2
+    return factor * variance + uneven, factor, weight @ light
