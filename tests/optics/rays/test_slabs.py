@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rso_lidar.optics.rays import slabs
+from rso_lidar.optics.rays import scan_lines, slabs
 from rso_lidar.optics.rays.contour_images import cut_contours
 from tests.reference.optics import scan_lines as oracle
 
@@ -201,7 +201,7 @@ def test_what_rays_met_corrects_the_variance(seed):
     rays = np.stack([rng.uniform(0.05, 0.3, len(pixel)), np.concatenate(jumps), rng.uniform(0.0, 3.0, len(pixel))], 1)
     variance, seen, photons = rng.uniform(0.5, 1.0, 10), np.zeros(10), np.zeros(10)
     before = variance.copy()
-    slabs.correct_variance(pixel, *map(np.ascontiguousarray, rays.T), variance, seen, photons, 0.35, 0.3, 0.1)
+    scan_lines.correct_variance(pixel, *map(np.ascontiguousarray, rays.T), variance, seen, photons, 0.35, 0.3, 0.1)
     for p in range(10):
         of = pixel == p
         expected = oracle.correct_variance(rays[of], before[p], 0.35, 0.3, 0.1) if of.any() else (before[p], 0.0, 0.0)
