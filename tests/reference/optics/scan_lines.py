@@ -1,4 +1,9 @@
-"""Oracles of the kernels of line sampling: pieces of contours, slabs, crossings and variances, one by one."""
+"""Line sampling, one by one: pieces of contours, slabs, crossings and variances.
+
+The oracle of `rso_lidar.optics.rays.contour_images.cut_contours`, `rso_lidar.optics.rays.outlines.cover_pixels`,
+`rso_lidar.optics.rays.slabs.choose_slabs`, `rso_lidar.optics.rays.slabs.cross_lines`,
+`rso_lidar.optics.rays.slabs.estimate_meeting` and `rso_lidar.optics.rays.scan_lines.correct_variance`.
+"""
 
 from itertools import pairwise
 
