@@ -401,7 +401,7 @@ def place_rays(
         for line in range(lines):
             first, last = line_starts[line], line_starts[line + 1]
             y, h = line_row[line], line_height[line]
-            turn = pixel_of * _PLASTIC + line * _GOLDEN
+            turn = 0.5 + pixel_of * _PLASTIC + line * _GOLDEN
             turn -= math.floor(turn)
             least = narrow * (crossing[last - 1] - crossing[first]) if last - first > _FEW_INTERVALS else 0.0
             left, step, shared, uncertain, is_first = 0.0, expected[line], 0.0, 0.0, True
