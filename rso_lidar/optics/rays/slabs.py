@@ -13,7 +13,7 @@ from rso_lidar.kernels import kernel
 from rso_lidar.optics.sorting import sort_by
 
 # Choices between error and time, as docs/physics.md states them:
-_ALL_EVENTS = 8  # so many ends of contours in a pixel may all be edges of slabs
+_ALL_EVENTS = 4  # so many ends of contours in a pixel may all be edges of slabs
 _FIRST_SLABS, _MOST_SLABS = 3, 64  # with more ends
 _BINS = 64  # of rows, in which the ends of contours are sorted
 _FEW_INTERVALS = 12  # of a line that all get a ray, however narrow they are
@@ -400,7 +400,7 @@ def place_rays(
         for line in range(lines):
             first, last = line_starts[line], line_starts[line + 1]
             y, h = line_row[line], line_height[line]
-            turn = pixel_of * _PLASTIC + line * _GOLDEN
+            turn = 0.5 + pixel_of * _PLASTIC + line * _GOLDEN
             turn -= math.floor(turn)
             least = narrow * (crossing[last - 1] - crossing[first]) if last - first > _FEW_INTERVALS else 0.0
             left, step, shared, uncertain, is_first = 0.0, expected[line], 0.0, 0.0, True

@@ -84,13 +84,16 @@ def contours(
 
 
 def find_textures(surfaces: Sequence[Surface], truth: Truth) -> np.ndarray:
-    """Return the size in the tangent plane of the cells of crinkled foil of each surface, where it is farthest (surface).
-
-    It is infinite for a surface without foil.
+    """Find how large the cells of crinkled foil appear on each surface, at its far side.
 
     Parameters
     ----------
-    surfaces, truth : targets, and where they are
+    surfaces : surfaces of all targets
+    truth : where they are at one epoch
+
+    Returns
+    -------
+    Sides of the cells in the tangent plane (surface), infinite for a surface without foil.
     """
     sizes = np.full(len(surfaces), np.inf)
     for number, surface in enumerate(surfaces):
