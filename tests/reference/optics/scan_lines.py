@@ -1,4 +1,9 @@
-"""Oracles of the kernels of line sampling: pieces of contours, slabs, crossings and variances, one by one."""
+"""Line sampling in plain loops: pieces of contours, slabs, crossings, rays and variances, one by one.
+
+The oracle of `rso_lidar.optics.rays.contour_images`, `rso_lidar.optics.rays.slabs`, `rso_lidar.optics.rays.slabs.place_rays`
+and `rso_lidar.optics.rays.scan_lines`. `touches` is, pixel by pixel, the oracle of
+`rso_lidar.optics.rays.outlines.cover_pixels`.
+"""
 
 from itertools import pairwise
 
@@ -134,3 +139,16 @@ def correct_variance(weight, kind, change, light, variance, calibration):
     if kind.tolist() == ["line", "pair"] * 2:
         uneven += calibration[2] * (weight[0] * (light @ [1.0, -1.0, -1.0, 1.0])) ** 2
     return factor * variance + uneven, factor, weight @ light
+
+
+def merge_pixels(before, after, is_replaced):
+    """Return the places of the entries of two joined lists, sorted by pixel, without the first list's replaced pixels."""
+    both = np.concatenate([before, after])
+    is_kept = np.concatenate([~is_replaced[before], np.full(len(after), True)])
+    return np.flatnonzero(is_kept)[np.argsort(both[is_kept], kind="stable")]
+
+
+def normalise(direction):
+    """Return unit vectors (xyz, ray) along (x, y, 1)."""
+    whole = np.stack([direction[0], direction[1], np.ones(direction.shape[1])])
+    return whole / np.linalg.norm(whole, axis=0)
