@@ -337,6 +337,7 @@ def place_rays(
     rough: float,
     narrow: float,
     steep: float,
+    is_shifted: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Place the rays of the pixels in a window.
 
@@ -350,6 +351,7 @@ def place_rays(
     rough : as in `choose_slabs`
     narrow : neighbouring intervals share a ray if they are together narrower than this share of their line's contours
     steep : as in `choose_slabs`
+    is_shifted : whether three or more rays of an interval are shifted along it, and rays of a pixel without contours across it
 
     Returns
     -------
@@ -405,7 +407,7 @@ def place_rays(
             first, last = line_starts[line], line_starts[line + 1]
             y, h = line_row[line], line_height[line]
             turn = pixel_of * _PLASTIC + line * _GOLDEN
-            turn -= math.floor(turn)
+            turn = turn - math.floor(turn) if is_shifted else 0.5
             least = narrow * (crossing[last - 1] - crossing[first]) if last - first > _FEW_INTERVALS else 0.0
             left, step, shared, uncertain, is_first = 0.0, expected[line], 0.0, 0.0, True
             for k in range(first, last + 1):
@@ -434,7 +436,7 @@ def place_rays(
                     elif rays == 1 and shared == 0.0:
                         at = 0.5
                     point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
-                    if begin == end and sides > 2:
+                    if is_shifted and begin == end and sides > 2:
                         up = turn + r * _PLASTIC
                         point[1, n] += h * (up - math.floor(up) - 0.5)
                     pixel[n], weight[n] = pixel_of, across * h / rays
