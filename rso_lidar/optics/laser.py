@@ -267,7 +267,9 @@ class Laser(Part):
 
     @property
     def cell_tangent(self) -> float:
-        """Side of a cell of a measured pattern in the tangent plane."""
+        """Side of a cell of a measured pattern in the tangent plane; infinite without a pattern."""
+        if self.footprint != "pattern":
+            return math.inf
         return 2.0 * self.half_width_tangent / float(max(self._pattern.shape))
 
     @cached_property

@@ -16,7 +16,7 @@ from rso_lidar.part import Count, Part, Positive, Whole
 
 FieldOfView = Annotated[Positive, Field(lt=180)]
 Transmission = Annotated[Positive, Field(le=1)]
-_COARSE = 4  # rays along each side of a pixel before any is refined
+_GRID_SIDE = 4  # rays along each side of a pixel in a grid without contours
 
 
 class Receiver(Part):
@@ -162,7 +162,7 @@ class Receiver(Part):
     @property
     def rays_per_side(self) -> int:
         """Side k of the k x k grid of rays in a pixel, the coarsest where `sampling_error` decides."""
-        return _COARSE if self.rays_per_pixel is None else math.isqrt(self.rays_per_pixel)
+        return _GRID_SIDE if self.rays_per_pixel is None else math.isqrt(self.rays_per_pixel)
 
     @cached_property
     def pixel_pitch_m(self) -> float:

@@ -39,6 +39,7 @@ SPANNING = {
     "models/test_rounding.py",
     "models/test_silhouettes.py",
     "models/test_targets.py",
+    "optics/rays/test_pixel_rays.py",
     "picture/plots/test_over_time.py",
     "scenario/mission/test_motions_in_scenarios.py",
     "scenario/mission/test_trusted_code.py",

@@ -129,7 +129,7 @@ def test_loops_of_the_wheel_compile(away):
     away(
         "import numpy as np\n"
         "from rso_lidar.kernels import has_machine_code\n"
-        "from rso_lidar.optics.rays.ray_grid import normalise\n"
+        "from rso_lidar.optics.rays.scan_lines import normalise\n"
         "normalise(np.ones((3, 4)))\n"
         "assert has_machine_code(normalise)"
     )

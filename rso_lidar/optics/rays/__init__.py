@@ -1,1 +1,1 @@
-"""Light out: the rays of one flash, through the cells of the focal plane that targets cover."""
+"""Light out: the rays of one flash, along scan lines that contours of targets cut into intervals."""

@@ -10,7 +10,7 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.rays.contour_images import GAUSSIAN_REACH, cut_contours, image_contours
 from rso_lidar.optics.rays.outlines import cover_pixels, image_bounds, image_outlines
-from rso_lidar.optics.rays.slabs import NOISE_SHARE, correct_variance, place_rays
+from rso_lidar.optics.rays.slabs import CONTOUR, LINE, NOISE_SHARE, PAIR, TEXTURE, place_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
 
@@ -25,6 +25,7 @@ _DIM = 1e-3  # a pixel with less light, over the brightest, counts as if it had 
 _MOST_PER_SIDE = 48  # rays
 # The label's variance over what is expected, fitted to the scenes of tests/physics/sampling_scenes.py:
 _PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.65, 0.2, 0.2
+_BRIGHTER = 3.0  # squared step at most, over the one expected: a dim facet may hide a bright one
 _ERROR_OF_CELLS = 0.54
 _CONTRAST = 2.0  # assumed: spread of the light of cells of foil, over its mean
 
@@ -150,6 +151,70 @@ class ScanLines:
         return allowed
 
 
+@kernel
+def correct_variance(
+    pixel: np.ndarray,
+    weight: np.ndarray,
+    kind: np.ndarray,
+    change: np.ndarray,
+    light: np.ndarray,
+    variance: np.ndarray,
+    seen: np.ndarray,
+    photons: np.ndarray,
+    calibration: tuple[float, float, float],
+) -> None:
+    """Correct the variance of pixels by what their rays met.
+
+    A hidden contour changes nothing: the variance due to contours is multiplied by the squared changes of light that were
+    met from line to line, over those that were expected; in pixels of one line, by those along the line. In pixels
+    without contours, differences of light between rays and lines are added.
+
+    Parameters
+    ----------
+    pixel, weight, kind, change : (ray) as `slabs.place_rays` returns them
+    light : (ray) photons of a whole pixel that is as bright as the ray's hit
+    variance : (pixel), changed
+    seen, photons : (pixel), written: by what the variance due to contours was multiplied, and the pixel's photons
+    calibration : variance over what is expected, over squared differences of neighbours, and over the squared twist of
+        four rays
+    """
+    per_step, per_texture, per_twist = calibration
+    n, i = len(pixel), 0
+    while i < n:
+        first, total, uneven = i, 0.0, 0.0
+        met, expected, met_along, expected_along = 0.0, 0.0, 0.0, 0.0
+        before, is_textured = -1.0, False
+        while i < n and pixel[i] == pixel[first]:
+            start, photons_of_line, height = i, 0.0, 0.0
+            while i < n and pixel[i] == pixel[first] and (i == start or kind[i] != LINE):
+                photons_of_line += weight[i] * light[i]
+                height += weight[i]
+                if kind[i] == CONTOUR:
+                    met_along += (light[i] - light[i - 1]) ** 2
+                    expected_along += change[i] ** 2
+                elif kind[i] == TEXTURE:
+                    uneven += per_texture * (weight[i] * (light[i] - light[i - 1])) ** 2
+                    is_textured = True
+                i += 1
+            mean = photons_of_line / height
+            if before >= 0.0:
+                if change[start] > 0.0:
+                    met += (mean - before) ** 2
+                    expected += change[start] ** 2
+                elif change[start] == 0.0 and is_textured:
+                    uneven += ((mean - before) * height) ** 2 / 12.0
+            total += photons_of_line
+            before = mean
+        if i - first == 4 and kind[first + 1] == PAIR and kind[first + 3] == PAIR:
+            twist = light[first] - light[first + 1] - light[first + 2] + light[first + 3]
+            uneven += per_twist * (weight[first] * twist) ** 2
+        if expected == 0.0:
+            met, expected = met_along, expected_along
+        share = per_step * (min(met / expected, _BRIGHTER) if expected > 0.0 else 1.0)
+        seen[pixel[first]], photons[pixel[first]] = share, total
+        variance[pixel[first]] = share * variance[pixel[first]] + uneven
+
+
 def _replace_pixels(hits: Hits, finer: Hits) -> Hits:
     """Return hits in which the pixels that have finer rays have these alone."""
     is_finer = np.zeros(hits.rays.shape, np.bool_)
@@ -235,6 +300,11 @@ def find_small(receiver: Receiver, extent: Extent) -> np.ndarray:
 
     They always are unless the receiver has a fixed grid. Then they are for targets whose bounds get fewer rays of the grid
     than `Receiver.min_rays_per_target`.
+
+    Parameters
+    ----------
+    receiver : decides how rays sample its pixels
+    extent : where targets can be
     """
     if receiver.rays_per_pixel is None:
         return np.ones(len(extent.low), np.bool_)

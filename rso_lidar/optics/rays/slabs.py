@@ -26,7 +26,6 @@ _LEAST_WIDTH = 1e-3  # pixels: an upright contour counts as one so wide
 # pair at the points of Gauss, or one of many in an interval that may have a texture.
 LINE, CONTOUR, PAIR, TEXTURE = range(4)
 UNKNOWN = -1.0  # change of light between two lines
-_BRIGHTER = 3.0  # squared step at most, over the one expected: a dim facet may hide a bright one
 _MOSTLY = 0.6  # share of the squares of all changes between two lines that the greatest has if it outweighs the others
 NOISE_SHARE = 1.0 / 3.0  # of its photon noise: so much error a pixel may have in any case
 
@@ -351,7 +350,8 @@ def place_rays(
     rough : as in `choose_slabs`
     narrow : neighbouring intervals share a ray if they are together narrower than this share of their line's contours
     steep : as in `choose_slabs`
-    is_shifted : whether three or more rays of an interval are shifted along it, and rays of a pixel without contours across it
+    is_shifted : whether rays of an interval without contours are shifted along it, and those of a pixel without contours
+        across it, if there are three or more
 
     Returns
     -------
@@ -468,67 +468,3 @@ def estimate_meeting(
     if behind <= 0.0:
         return 0.0
     return float((min(steps[one], steps[other]) * behind * behind / (2.0 * turned)) ** 2)
-
-
-@kernel
-def correct_variance(
-    pixel: np.ndarray,
-    weight: np.ndarray,
-    kind: np.ndarray,
-    change: np.ndarray,
-    light: np.ndarray,
-    variance: np.ndarray,
-    seen: np.ndarray,
-    photons: np.ndarray,
-    calibration: tuple[float, float, float],
-) -> None:
-    """Correct the variance of pixels by what their rays met.
-
-    A hidden contour changes nothing: the variance due to contours is multiplied by the squared changes of light that were
-    met from line to line, over those that were expected; in pixels of one line, by those along the line. In pixels
-    without contours, differences of light between rays and lines are added.
-
-    Parameters
-    ----------
-    pixel, weight, kind, change : (ray) as `place_rays` returns them
-    light : (ray) photons of a whole pixel that is as bright as the ray's hit
-    variance : (pixel), changed
-    seen, photons : (pixel), written: by what the variance due to contours was multiplied, and the pixel's photons
-    calibration : variance over what is expected, over squared differences of neighbours, and over the squared twist of
-        four rays
-    """
-    per_step, per_texture, per_twist = calibration
-    n, i = len(pixel), 0
-    while i < n:
-        first, total, uneven = i, 0.0, 0.0
-        met, expected, met_along, expected_along = 0.0, 0.0, 0.0, 0.0
-        before, is_textured = -1.0, False
-        while i < n and pixel[i] == pixel[first]:
-            start, photons_of_line, height = i, 0.0, 0.0
-            while i < n and pixel[i] == pixel[first] and (i == start or kind[i] != LINE):
-                photons_of_line += weight[i] * light[i]
-                height += weight[i]
-                if kind[i] == CONTOUR:
-                    met_along += (light[i] - light[i - 1]) ** 2
-                    expected_along += change[i] ** 2
-                elif kind[i] == TEXTURE:
-                    uneven += per_texture * (weight[i] * (light[i] - light[i - 1])) ** 2
-                    is_textured = True
-                i += 1
-            mean = photons_of_line / height
-            if before >= 0.0:
-                if change[start] > 0.0:
-                    met += (mean - before) ** 2
-                    expected += change[start] ** 2
-                elif change[start] == 0.0 and is_textured:
-                    uneven += ((mean - before) * height) ** 2 / 12.0
-            total += photons_of_line
-            before = mean
-        if i - first == 4 and kind[first + 1] == PAIR and kind[first + 3] == PAIR:
-            twist = light[first] - light[first + 1] - light[first + 2] + light[first + 3]
-            uneven += per_twist * (weight[first] * twist) ** 2
-        if expected == 0.0:
-            met, expected = met_along, expected_along
-        share = per_step * (min(met / expected, _BRIGHTER) if expected > 0.0 else 1.0)
-        seen[pixel[first]], photons[pixel[first]] = share, total
-        variance[pixel[first]] = share * variance[pixel[first]] + uneven
