@@ -67,13 +67,14 @@ def test_returns_are_listed_from_the_nearest_on(most):
     strips = {"a": (-0.4, 0.2, 3010.0), "b": (-0.1, 0.4, 3000.0), "c": (0.3, 0.4, 3025.0)}  # middle, width, range
     targets = [surface(name, plate(width * side, 2 * side)) for name, (_, width, _) in strips.items()]
     truth = truth_of(**{name: place((middle * side, 0, z)) for name, (middle, _, z) in strips.items()})
-    seen = see(targets, truth, ONE_PIXEL.replace(rays_per_pixel=400), Laser(divergence_deg=1))
+    seen = see(targets, truth, ONE_PIXEL, Laser(divergence_deg=1))
     labels = label(seen.hits, seen.photons, most)
     ranges_m, photons = labels.return_range_m[0, 0], labels.return_photons[0, 0]
     assert ranges_m[: min(most, 3)] == pytest.approx([3000.0, 3010.0, 3025.0][:most], abs=0.01)
     assert np.isnan(ranges_m[3:]).all() and not photons[3:].any()
-    share = np.array([0.4, 0.2, 0.4])[:most]  # of the pixel; light falls with the square of the range, by 0.8 % here
-    assert photons[: min(most, 3)] / photons[0] == pytest.approx(share / 0.4, rel=0.02)
+    width = np.array([0.4, 0.5 * 3000 / 3010 - 0.3, 0.5 * 3000 / 3025 - 0.1])  # of what the middle strip does not hide
+    light = width / np.array([3000.0, 3010.0, 3025.0]) ** 2
+    assert photons[: min(most, 3)] / photons[0] == pytest.approx((light / light[0])[:most], rel=1e-6)
 
 
 def test_of_two_targets_the_brighter_speaks_and_the_photons_are_both_s():

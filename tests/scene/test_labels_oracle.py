@@ -8,6 +8,7 @@ import pytest
 
 from rso_lidar.records import Hits, Labels, Photons, Rays
 from rso_lidar.scene import label, labels
+from rso_lidar.units import RANGE_PER_DELAY_M_S
 from tests.reference.scene.labels import label_pixels
 
 SHAPE = (6, 5)
@@ -74,6 +75,27 @@ def test_the_very_same_labels(n, shades, seed):
     assert made.cluster_count.max() >= 2
 
 
+def test_clusters_with_next_to_no_light_are_not_counted():
+    """Three clusters in a pixel with 1998 photons: the nearest has a thousandth of the light or a little less."""
+    hits, photons = flash(3, pixels=1)
+    for faint, count in ((2.0, 3), (1.99, 2), (0.0, 2)):
+        three = dataclasses.replace(
+            photons,
+            photons=np.array([faint, 998.0, 1000.0]),
+            delay_s=2e-6 + 1e-7 * np.arange(3),
+            cluster=np.arange(3),
+            cluster_pixel=np.zeros(3, np.int32),
+        )
+        made = agree(hits, three, 3)
+        assert made.cluster_count[0, 0] == count
+        assert made.photons[0, 0] == pytest.approx(1998.0 + faint)
+        kept = np.arange(3 - count, 3)
+        range_m = three.delay_s[kept] * RANGE_PER_DELAY_M_S
+        assert made.first_range_m[0, 0] == range_m[0]
+        assert made.return_range_m[0, 0, :count] == pytest.approx(range_m, rel=1e-15)
+        assert made.return_photons[0, 0].tolist() == [*three.photons[kept], *[0.0] * (3 - count)]
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_equal_returns_moved_by_rounding_leave_the_labels_alone(seed):
     """Clusters, parts and returns tie often. Light and area move by 1e-12, and the returns of a pixel are shuffled."""
@@ -107,6 +129,7 @@ def test_more_clusters_than_a_byte_counts():
     hits, photons = flash(300, pixels=1)
     many = dataclasses.replace(
         photons,
+        photons=1.0 + np.arange(300) % 3,
         delay_s=2e-6 + 1e-7 * np.arange(300),
         cluster=np.arange(300),
         cluster_pixel=np.zeros(300, np.int32),

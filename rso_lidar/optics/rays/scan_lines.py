@@ -81,6 +81,7 @@ class ScanLines:
             _ROUGH * error,
             min(narrow * error, _NARROWEST),
             _STEEP * error,
+            self._receiver.psf is None,  # a lens spreads light from where rays are: even light stays even
         )
         self._follows = kind, change
         direction = np.empty((3, len(pixel)))

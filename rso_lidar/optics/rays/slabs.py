@@ -336,6 +336,7 @@ def place_rays(
     rough: float,
     narrow: float,
     steep: float,
+    is_shifted: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Place the rays of the pixels in a window.
 
@@ -349,6 +350,8 @@ def place_rays(
     rough : as in `choose_slabs`
     narrow : neighbouring intervals share a ray if they are together narrower than this share of their line's contours
     steep : as in `choose_slabs`
+    is_shifted : whether rays of an interval without contours are shifted along it, and those of a pixel without contours
+        across it, if there are three or more
 
     Returns
     -------
@@ -424,13 +427,13 @@ def place_rays(
                     continue
                 rays = max(1, math.ceil(across * sides - _SAME))
                 # Between contours rays keep off the ends: a curved edge is near its chords, not on them.
-                shift = turn if shared > 0.0 or (first == last and rays > 1) else 0.5
+                shift = turn if shared > 0.0 or (is_shifted and first == last and rays > 1) else 0.5
                 for r in range(rays):
                     at = (r + shift) / rays
                     if sides == 2 and rays == 2:
                         at = _GAUSS if r == 0 else 1.0 - _GAUSS
                     point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
-                    if begin == end and sides > 2:
+                    if is_shifted and begin == end and sides > 2:
                         up = turn + r * _PLASTIC
                         point[1, n] += h * (up - math.floor(up) - 0.5)
                     pixel[n], weight[n] = pixel_of, across * h / rays

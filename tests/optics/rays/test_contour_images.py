@@ -7,10 +7,18 @@ import pytest
 
 from rso_lidar.optics import BrownConrady, Laser, Receiver
 from rso_lidar.optics.rays.contour_images import cut_contours, image_contours
+from rso_lidar.records import Contours
 from tests.reference.optics import scan_lines as oracle
 
 LENS = Receiver(fov_deg=2.5, f_number=2.8, n_rows=24, n_cols=32)
-NONE = np.empty((0, 4)), np.empty(0)
+
+
+def contours(ends, steps):
+    """Return contours of one target."""
+    return Contours(np.asarray(ends), np.asarray(steps), np.zeros(len(ends), np.int16))
+
+
+NONE = contours(np.empty((0, 4)), np.empty(0))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -39,7 +47,7 @@ def test_a_contour_along_the_edges_of_pixels_is_cut_once():
 def test_contours_are_imaged_by_the_lens_with_their_light():
     laser = Laser(divergence_deg=4.0)
     ends = np.array([[-0.01, 0.002, 0.015, 0.012]])
-    images, steps = image_contours(LENS, laser, ends, np.array([2e-7]))
+    images, steps = image_contours(LENS, laser, contours(ends, [2e-7]))
     np.testing.assert_allclose(images, np.reshape(LENS.image_of(ends[0, ::2], ends[0, 1::2]), (1, 4), order="F"))
     gathered = LENS.pixel_tangent**2 * LENS.aperture_area_m2 * LENS.transmission
     np.testing.assert_allclose(steps, 2e-7 * laser.density_on_axis * gathered)
@@ -49,7 +57,7 @@ def test_behind_a_lens_that_bends_them_contours_are_chords_of_the_image():
     """A long one, a short one that stays whole, one through the whole field from the lidar's plane, and one beside it."""
     lens = Receiver(fov_deg=30.0, f_number=2.8, n_rows=48, n_cols=64, distortion=BrownConrady(k1=-0.5))
     ends = np.array([[-0.2, 0.1, 0.2, 0.15], [0.1, 0.1, 0.102, 0.101], [0.1, -0.15, 9e6, 3e6], [2.0, 2.0, 3.0, 2.0]])
-    images, steps = image_contours(lens, Laser(divergence_deg=60.0), ends, np.array([1.0, 2.0, 3.0, 4.0]))
+    images, steps = image_contours(lens, Laser(divergence_deg=60.0), contours(ends, [1.0, 2.0, 3.0, 4.0]))
     steps = steps / steps.min()
     assert np.count_nonzero(np.isclose(steps, 2.0)) == 1
     on_image = (images[:, [0, 2]] > 1) & (images[:, [0, 2]] < 63) & (images[:, [1, 3]] > 1) & (images[:, [1, 3]] < 47)
@@ -71,7 +79,7 @@ def test_behind_a_lens_that_bends_them_contours_are_chords_of_the_image():
 
 
 def test_a_contour_to_the_lidars_plane_keeps_its_direction():
-    images, _ = image_contours(LENS, Laser(), np.array([[0.0, 0.0, 3e7, 1e7]]), np.ones(1))
+    images, _ = image_contours(LENS, Laser(), contours([[0.0, 0.0, 3e7, 1e7]], [1.0]))
     along = images[0, 2:] - images[0, :2]
     assert along[1] / along[0] == pytest.approx(1.0 / 3.0)
 
@@ -84,14 +92,14 @@ def test_the_edge_of_a_narrow_beam_is_a_closed_contour(footprint, tmp_path):
         settings["pattern_file"] = str(tmp_path / "pattern.csv")
         np.savetxt(settings["pattern_file"], np.ones((4, 4)), delimiter=",")
     laser = Laser(divergence_deg=divergence, footprint=footprint, **settings)
-    ends, steps = image_contours(LENS, laser, *NONE)
+    ends, steps = image_contours(LENS, laser, NONE)
     x0, y0, x1, y1 = ((ends - [16.0, 12.0, 16.0, 12.0]) * LENS.pixel_tangent).T
     area, half = 0.5 * np.sum(x0 * y1 - x1 * y0), laser.half_width_tangent
     radius = np.hypot(x0, y0)
     if footprint == "gaussian":  # rings, the outermost of which encloses 99.5 % of the light at least
         assert radius.min() < 0.3 * half and 1.63 * half < radius.max() < 3.5 * half
         assert len(np.unique(radius.round(12))) > 8
-        assert len(image_contours(LENS, laser.replace(divergence_deg=1.0), *NONE)[0]) == 0
+        assert len(image_contours(LENS, laser.replace(divergence_deg=1.0), NONE)[0]) == 0
     else:
         assert area == pytest.approx((math.pi if footprint == "circle" else 4.0) * half**2, rel=1e-12)
         np.testing.assert_array_equal(steps, 1.0)
@@ -100,6 +108,6 @@ def test_the_edge_of_a_narrow_beam_is_a_closed_contour(footprint, tmp_path):
 
 def test_a_beam_wider_than_the_field_or_beside_the_lens_has_no_edge():
     for laser in (Laser(divergence_deg=2.5), Laser(divergence_deg=3.6, footprint="circle")):
-        assert len(image_contours(LENS, laser, *NONE)[0]) == 0
-    assert len(image_contours(LENS, Laser(divergence_deg=0.5, offset_m=(0.5, 0.0, 0.0)), *NONE)[0]) == 0
-    assert len(image_contours(LENS, Laser(divergence_deg=3.0, footprint="circle"), *NONE)[0]) > 0  # corners are dark
+        assert len(image_contours(LENS, laser, NONE)[0]) == 0
+    assert len(image_contours(LENS, Laser(divergence_deg=0.5, offset_m=(0.5, 0.0, 0.0)), NONE)[0]) == 0
+    assert len(image_contours(LENS, Laser(divergence_deg=3.0, footprint="circle"), NONE)[0]) > 0  # corners are dark

@@ -8,10 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar import optics, sampling, scene
 from rso_lidar.optics import BrownConrady, GaussianPsf, Laser, Receiver
-from rso_lidar.optics.rays.scan_lines import ScanLines, merge_pixels
+from rso_lidar.optics.rays.scan_lines import ScanLines, merge_pixels, normalise
 from rso_lidar.records import Truth, specs
 from rso_lidar.scene import Crinkled
 from tests.optics.bench_for_tests import PAPER_LASER, box, place, plate, surface, truth_of
+from tests.reference.optics import scan_lines as oracle
 from tests.reference.optics.exact_light import exact_photons, facets_in_lidar_axes, find_touched, lattice_photons
 
 LENS = Receiver(fov_deg=2.5, f_number=2.8, n_rows=32, n_cols=32)
@@ -194,11 +195,15 @@ def test_merged_pixels_have_the_finer_entries_alone(seed):
     rng = np.random.default_rng(seed)
     before, after = np.sort(rng.integers(0, 20, 50)), np.sort(rng.integers(5, 25, 10 * seed))
     is_replaced = np.isin(np.arange(25), after)
-    both = np.concatenate([before, after])
-    is_kept = np.concatenate([~is_replaced[before], np.full(len(after), True)])
-    order = merge_pixels(before, after, is_replaced)
-    assert sorted(order) == np.flatnonzero(is_kept).tolist()
-    np.testing.assert_array_equal(order, np.flatnonzero(is_kept)[np.argsort(both[is_kept], kind="stable")])
+    expected = oracle.merge_pixels(before, after, is_replaced)
+    np.testing.assert_array_equal(merge_pixels(before, after, is_replaced), expected)
+
+
+def test_directions_are_unit_vectors():
+    direction = np.random.default_rng(3).normal(0.0, 1.0, (3, 20))
+    expected = oracle.normalise(direction)
+    normalise(direction)
+    np.testing.assert_allclose(direction, expected, rtol=1e-14)
 
 
 # ------------------------------------------------------------------------------------- what sampling does not depend on

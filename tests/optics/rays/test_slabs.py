@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rso_lidar.optics.rays import scan_lines, slabs
+from rso_lidar.optics.rays import slabs
 from rso_lidar.optics.rays.contour_images import cut_contours
 from tests.reference.optics import scan_lines as oracle
 
@@ -86,6 +86,39 @@ def test_lines_cross_the_contours_that_they_meet(seed):
         columns, numbers = oracle.cross_line(pieces, row[line])
         np.testing.assert_allclose(crossing[starts[line] : starts[line + 1]], columns, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(by[starts[line] : starts[line + 1]], numbers)
+    assert (first == [np.sum(row <= upper) for upper in pieces[:, 1]]).all()
+
+
+def expect(pieces, steps, row):
+    """Return the change of light that is expected from line to line."""
+    row, lines = np.asarray(row), len(row)
+    starts, filled, first = np.empty(lines + 1, np.int64), np.empty(lines, np.int64), np.empty(len(pieces), np.int64)
+    room = np.empty(1), np.empty(1, np.int64), (np.empty(1, np.int64), np.empty(1))
+    slabs.cross_lines(pieces, 0, len(pieces), row, lines, starts, filled, first, *room)
+    expected, greatest = np.empty(lines), np.empty(lines)
+    slabs.expect_changes(pieces, steps, 0, len(pieces), row, lines, first, expected, greatest)
+    return expected
+
+
+@pytest.mark.parametrize("contours", [1, 3, 40])
+@pytest.mark.parametrize("seed", range(5))
+def test_changes_from_line_to_line_are_those_of_the_oracle(seed, contours):
+    _, pieces, steps = draw_pieces(seed, contours)
+    row = np.sort(np.random.default_rng(seed).uniform(0.0, 1.0, 9))
+    np.testing.assert_allclose(expect(pieces, steps, row), oracle.expect_changes(pieces, steps, row), rtol=1e-9)
+
+
+def test_the_mean_light_of_lines_changes_as_expected_unless_contours_may_cancel():
+    edge = np.array([0.1, 0.0, 0.7, 1.0, 0.6])
+    other = np.array([0.2, 0.0, 0.8, 1.0, 0.6])
+    weak = np.array([0.5, 0.2, 0.9, 1.0, 0.5])
+    row = [0.25, 0.5, 1.0]
+    step = [0.0, 3.0 * 0.6 * 0.25, 3.0 * 0.6 * 0.5]  # dark to the left of the edge, 3 photons to the right
+    np.testing.assert_allclose(expect(np.array([edge]), np.array([3.0]), row), step)
+    assert expect(np.array([edge, other]), np.array([3.0, 3.0]), row).tolist() == [0.0, slabs.UNKNOWN, slabs.UNKNOWN]
+    both = expect(np.array([edge, weak]), np.array([3.0, 0.5]), row)
+    np.testing.assert_allclose(both, np.hypot(step, [0.0, 0.5 * 0.5 * 0.25, 0.5 * 0.5 * 0.5]))
+    assert expect(np.array([[0.2, 0.4, 0.9, 0.4, 0.0]]), np.array([2.0]), row)[1:] == pytest.approx([1.4, 0.0])
 
 
 def place(starts, pieces, steps, sides, narrow=0.0):
@@ -102,19 +135,27 @@ def test_rays_stand_in_the_intervals_between_contours(seed, contours, sides, nar
     starts, pieces, steps = draw_pieces(seed, contours, shape)
     per_side = np.full(shape, sides)
     per_side[1, 1] = 0
-    point, pixel, weight, jump, variance = place(starts, pieces, steps, per_side, narrow)
+    point, pixel, weight, side, kind, change, variance = place(starts, pieces, steps, per_side, narrow)
     assert np.unique(pixel).tolist() == [154, 155, 156, 204, 206]  # but for the pixel in which nothing can be seen
     assert (np.diff(pixel) >= 0).all() and variance[1, 1] == 0.0
-    lines = [*np.flatnonzero(jump == slabs.LINE), len(pixel)]
+    begins_interval = (kind == slabs.LINE) | (kind == slabs.CONTOUR)
+    assert (kind[~begins_interval] == (slabs.PAIR if sides == 2 else slabs.TEXTURE)).all()
+    assert (change[~begins_interval] == 0.0).all()
+    lines = [*np.flatnonzero(kind == slabs.LINE), len(pixel)]
     expected = np.zeros(shape)
     for a, b in pairwise(lines):
         row, col = pixel[a] // 50 - 3, pixel[a] % 50 - 4
         p = 3 * row + col
         own, own_steps = pieces[starts[p] : starts[p + 1]], steps[starts[p] : starts[p + 1]]
         x, y, height = point[0, a:b] - 4 - col, point[1, a] - 3 - row, weight[a:b].sum()
-        assert np.ptp(point[1, a:b]) == 0.0 and np.ptp(pixel[a:b]) == 0
+        assert np.ptp(pixel[a:b]) == 0
+        if len(own) == 0 and sides > 2:  # such rays are shifted within their cells
+            assert np.ptp(point[1, a:b]) < height
+        else:
+            assert np.ptp(point[1, a:b]) == 0.0
+        np.testing.assert_allclose(side[a:b] ** 2, 0.5 * ((weight[a:b] / height) ** 2 + height**2))
         columns, numbers = oracle.cross_line(own, y)
-        begins = [*np.flatnonzero((jump[a:b] > 0.0) | (jump[a:b] == slabs.LINE)), b - a]
+        begins = [*np.flatnonzero(begins_interval[a:b]), b - a]
         edge = np.concatenate([[0.0], np.cumsum(weight[a:b]) / height])[begins]
         least = narrow * np.ptp(columns) if len(columns) > 12 else 0.0
         for k, (i, j) in enumerate(pairwise(begins)):
@@ -122,12 +163,12 @@ def test_rays_stand_in_the_intervals_between_contours(seed, contours, sides, nar
             inside = columns[(columns > left + 3e-6) & (columns < right - 3e-6)]
             assert len(inside) == 0 or right - left < 2.0 * least + 1e-6
             if k:
-                met = np.abs(columns - left) < 3e-6
-                assert met.any() and jump[a + i] >= own_steps[numbers[met]].min() - 1e-12
+                assert np.abs(columns - left).min() < 3e-6
+                passed = (columns > left - 3e-6) & (columns < right - 3e-6)  # several, if intervals share the ray
+                assert change[a + i] == own_steps[numbers[passed]].max()
             assert ((x[i:j] > left) & (x[i:j] < right)).all()
             assert j - i == max(1, math.ceil((right - left) * sides - 2e-6))
             np.testing.assert_allclose(weight[a + i : a + j], weight[a + i], rtol=1e-12)
-            assert (jump[a + i + 1 : a + j] == (slabs.PAIR if sides == 2 else slabs.TEXTURE)).all()
             if j - i == 1 and len(inside) == 0:
                 assert x[i] == pytest.approx(0.5 * (left + right), abs=3e-6)
         if least == 0.0:
@@ -139,11 +180,16 @@ def test_rays_stand_in_the_intervals_between_contours(seed, contours, sides, nar
         of = pixel == 50 * (3 + p // 3) + 4 + p % 3
         own = slice(starts[p], starts[p + 1])
         assert weight[of].sum() == pytest.approx(1.0, abs=1e-5)
-        first = of & (jump == slabs.LINE)
-        height = np.add.reduceat(weight, lines[:-1])[first[lines[:-1]]]
-        assert height @ (point[1, first] - 3 - p // 3) == pytest.approx(
-            0.5, abs=1e-5
-        )  # in the middle of slabs, or pairs
+        first = of & (kind == slabs.LINE)
+        if starts[p + 1] > starts[p] or sides <= 2:
+            height = np.add.reduceat(weight, lines[:-1])[first[lines[:-1]]]
+            row = point[1, first] - 3 - p // 3
+            assert height @ row == pytest.approx(0.5, abs=1e-5)  # in the middle of slabs, or pairs
+            np.testing.assert_allclose(
+                change[first], oracle.expect_changes(pieces[own], steps[own], row), rtol=1e-6, atol=1e-9
+            )
+        else:
+            assert (change[first] == 0.0).all()
         _, chosen = choose(pieces[own], steps[own])
         if narrow == 0.0 and contours < 600:
             assert variance[p // 3, p % 3] == pytest.approx(chosen + expected[p // 3, p % 3], rel=1e-4, abs=1e-9)
@@ -153,8 +199,9 @@ def test_rays_stand_in_the_intervals_between_contours(seed, contours, sides, nar
 
 def test_four_rays_integrate_a_pixel_without_contours_to_the_third_degree():
     starts, pieces, steps = draw_pieces(0, 0)
-    (x, y), _, weight, jump, _ = place(starts, pieces, steps, np.array([[2]]))
-    assert jump.tolist() == [slabs.LINE, slabs.PAIR] * 2
+    (x, y), _, weight, side, kind, change, _ = place(starts, pieces, steps, np.array([[2]]))
+    assert kind.tolist() == [slabs.LINE, slabs.PAIR] * 2 and not change.any()
+    np.testing.assert_allclose(side, 0.5)
     for degree in range(4):
         assert weight @ (x - 4.0) ** degree == pytest.approx(1.0 / (degree + 1))
         assert weight @ (y - 3.0) ** degree == pytest.approx(1.0 / (degree + 1))
@@ -162,12 +209,17 @@ def test_four_rays_integrate_a_pixel_without_contours_to_the_third_degree():
 
 def test_a_grid_has_one_ray_in_each_cell_and_no_two_lines_alike():
     starts, pieces, steps = draw_pieces(0, 0, (2, 2))
-    (x, y), _, weight, jump, _ = place(starts, pieces, steps, np.full((2, 2), 5))
-    assert (weight == 1.0 / 25.0).all() and (jump == np.tile([-1.0] + [-2.0] * 4, 20)).all()
+    (x, y), _, weight, side, kind, change, _ = place(starts, pieces, steps, np.full((2, 2), 5))
+    assert (weight == 1.0 / 25.0).all() and not change.any()
+    assert (kind == np.tile([slabs.LINE] + [slabs.TEXTURE] * 4, 20)).all()
+    np.testing.assert_allclose(side, 0.2)
     assert len(set(zip(np.floor(5 * x), np.floor(5 * y), strict=True))) == len(x) == 100
-    np.testing.assert_allclose(np.mod(5 * y, 1.0), 0.5)
     turns = np.sort(np.unique(np.round(np.mod(5 * x, 1.0), 6)))
     assert len(turns) == 20 and np.diff(turns).max() < 0.2  # each line has its own shift, and they fill a cell
+    rows = np.unique(np.round(np.mod(5 * y, 1.0), 6))
+    assert len(rows) > 50 and np.diff(rows, prepend=0.0, append=1.0).max() < 0.1  # so do the rows of rays
+    assert np.abs(np.diff(np.mod(5 * y, 1.0).reshape(20, 5), axis=1)).min() > 0.2  # neighbours are not at one height
+    assert abs(np.corrcoef(np.mod(5 * x, 1.0), np.mod(5 * y, 1.0))[0, 1]) < 0.2
 
 
 def test_the_shift_of_a_pixel_does_not_depend_on_the_window():
@@ -188,21 +240,51 @@ def test_contours_that_may_meet(gap, height):
     assert (got > 0.0) == (1.5 * min(0.5 * height, 0.45) > gap)
 
 
+KINDS = {"line": slabs.LINE, "contour": slabs.CONTOUR, "pair": slabs.PAIR, "texture": slabs.TEXTURE}
+PIXELS = {  # how rays follow each other, and the change of light that is expected
+    2: [("line", 0.0), ("pair", 0.0), ("line", 0.0), ("pair", 0.0)],
+    3: [("line", 0.0), ("contour", 2.0), ("line", slabs.UNKNOWN), ("contour", 1.0), ("contour", 1.5)],
+    5: [("line", 0.0), ("contour", 2.0), ("line", 1.3), ("contour", 1.0), ("line", slabs.UNKNOWN), ("line", 2.5)],
+    6: [("line", 0.0), *[("texture", 0.0)] * 2, ("line", 0.0), ("texture", 0.0), ("contour", 0.7), ("line", 0.4)],
+    7: [("line", 0.0), ("contour", 3.0), ("contour", 0.5)],
+    8: [("line", 0.0), ("line", 1e-2)],
+    9: [("line", 0.0)],
+}
+CALIBRATION = 0.35, 0.3, 0.1
+
+
+def correct(pixels, weight, light, variance):
+    """Return the variance, the factor on it and the photons of pixels, whose numbers and rays are those of `PIXELS`."""
+    rays = [ray for of in pixels.values() for ray in of]
+    pixel = np.repeat(np.array([*pixels], np.int32), [len(of) for of in pixels.values()])
+    kind, change = np.array([KINDS[name] for name, _ in rays], np.int8), np.array([change for _, change in rays])
+    seen, photons, variance = np.zeros(10), np.zeros(10), np.array(variance)
+    slabs.correct_variance(pixel, weight, kind, change, light, variance, seen, photons, CALIBRATION)
+    return pixel, variance, seen, photons
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_what_rays_met_corrects_the_variance(seed):
-    rng = np.random.default_rng(seed)
-    jumps = [
-        [slabs.LINE, slabs.PAIR, slabs.LINE, slabs.PAIR],
-        [slabs.LINE, 2.0, 0.5, slabs.LINE, 1.0, 0.0, 3.0],
-        [slabs.LINE, slabs.TEXTURE, slabs.TEXTURE, slabs.LINE, slabs.TEXTURE, 0.7],
-        [slabs.LINE],
-    ]
-    pixel = np.repeat([2, 5, 6, 9], [len(jump) for jump in jumps]).astype(np.int32)
-    rays = np.stack([rng.uniform(0.05, 0.3, len(pixel)), np.concatenate(jumps), rng.uniform(0.0, 3.0, len(pixel))], 1)
-    variance, seen, photons = rng.uniform(0.5, 1.0, 10), np.zeros(10), np.zeros(10)
-    before = variance.copy()
-    scan_lines.correct_variance(pixel, *map(np.ascontiguousarray, rays.T), variance, seen, photons, 0.35, 0.3, 0.1)
+    rng, rays = np.random.default_rng(seed), [ray for of in PIXELS.values() for ray in of]
+    kind, change = np.array([name for name, _ in rays]), np.array([change for _, change in rays])
+    weight, light, before = (
+        rng.uniform(0.05, 0.3, len(rays)),
+        rng.uniform(0.0, 3.0, len(rays)),
+        rng.uniform(0.5, 1.0, 10),
+    )
+    pixel, *got = correct(PIXELS, weight, light, before)
     for p in range(10):
-        of = pixel == p
-        expected = oracle.correct_variance(rays[of], before[p], 0.35, 0.3, 0.1) if of.any() else (before[p], 0.0, 0.0)
-        np.testing.assert_allclose((variance[p], seen[p], photons[p]), expected, rtol=1e-12)
+        of, expected = pixel == p, (before[p], 0.0, 0.0)
+        if of.any():
+            expected = oracle.correct_variance(weight[of], kind[of], change[of], light[of], before[p], CALIBRATION)
+        np.testing.assert_allclose([values[p] for values in got], expected, rtol=1e-12)
+    assert got[1][8] == pytest.approx(3.0 * 0.35)  # 100 times the change that is expected counts as the root of 3
+
+
+def test_hidden_contours_leave_no_error():
+    """Of lines that are all alike, however many contours are on them and wherever contours are expected between them."""
+    pixels = {0: PIXELS[5], 1: PIXELS[6], 2: PIXELS[7]}
+    n = sum(map(len, pixels.values()))
+    _, variance, seen, photons = correct(pixels, np.full(n, 0.125), np.full(n, 4.0), np.ones(10))
+    assert (variance[:3] == 0.0).all() and (seen[:3] == 0.0).all()
+    np.testing.assert_allclose(photons[:3], [3.0, 3.5, 1.5])

@@ -10,7 +10,7 @@ from rso_lidar import optics
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import AiryPsf, BrownConrady, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, Laser, Receiver
 from rso_lidar.optics.returns import blur
-from rso_lidar.scene import Lambertian, RetroReflector
+from rso_lidar.scene import Lambertian, RetroReflector, label
 from tests.optics.bench_for_tests import place, plate, see, surface, truth_of
 
 # Pixels of 100 um, 1 m wide at 1 km; 16 rays in each.
@@ -29,6 +29,12 @@ def seen(width, height, right, down, lens=LENS, material=None, laser=LASER):
     """Return what is seen of one plate, in pixels from the middle."""
     target = surface("plate", plate(width * PIXEL_M, height * PIXEL_M), material)
     return see(target, truth_of(plate=at_pixels(right, down)), lens, laser)
+
+
+def before_lens(scene, lens, laser=LASER):
+    """Return the light of the same hits before a lens spreads it, and its photons pixel by pixel (row, col)."""
+    photons = optics.collect(scene.hits, laser, lens.replace(psf=None))
+    return photons, np.bincount(photons.pixel, photons.photons, math.prod(lens.shape)).reshape(lens.shape)
 
 
 def with_psf(psf, lens=LENS):
@@ -51,35 +57,41 @@ def with_psf(psf, lens=LENS):
 def test_no_photon_is_lost_or_made(psf, distortion):
     """In the middle of the focal plane the sum stays to 1e-6."""
     lens = LENS.replace(distortion=distortion, n_rows=48, n_cols=48)
-    sharp, blurred = (seen(3.3, 2.2, 0.4, -0.7, lens.replace(psf=p)) for p in (None, psf))
-    assert blurred.photons.photons.sum() == pytest.approx(sharp.photons.photons.sum(), rel=1e-6)
+    blurred = seen(3.3, 2.2, 0.4, -0.7, lens.replace(psf=psf))
+    sharp, _ = before_lens(blurred, lens)
+    assert blurred.photons.photons.sum() == pytest.approx(sharp.photons.sum(), rel=1e-6)
     assert blurred.photons.photons.min() >= 0
 
 
 def test_what_a_wall_loses_over_the_edge():
     """An evenly lit field of W pixels loses σ/√(2π) at each edge, so 2σ/(√(2π) W) of itself across and down."""
-    sharp, blurred = (seen(60, 60, 0, 0, with_psf(p)) for p in (None, SOFT))
+    blurred = seen(60, 60, 0, 0, with_psf(SOFT))
+    sharp, by_pixel = before_lens(blurred, LENS)
     kept = [1 - 2 * 0.5 / math.sqrt(2 * math.pi) / n for n in LENS.shape]
     # 1e-3 of the light lies beyond the pixels that are looked at: some 1 % of what crosses an edge.
-    assert blurred.photons.photons.sum() / sharp.photons.photons.sum() == pytest.approx(math.prod(kept), abs=5e-4)
+    assert blurred.photons.photons.sum() / sharp.photons.sum() == pytest.approx(math.prod(kept), abs=5e-4)
     inner = (slice(3, -3), slice(3, -3))
-    assert blurred.by_pixel[inner] == pytest.approx(sharp.by_pixel[inner], rel=1e-3)
+    assert blurred.by_pixel[inner] == pytest.approx(by_pixel[inner], rel=1e-5)  # rays lie evenly in their pixels
 
 
-def shares_by_hand(hits, lens, sigma_m, cells):
-    """Return the shares (hit, row, col) of a Gaussian, each hit a cell's box about the middle of its own cell."""
+def shares_by_hand(hits, lens, sigma_m):
+    """Return the shares (hit, row, col) of a Gaussian about each hit: boxes of 1/8 pixel, divided between two middles."""
 
     def along(at, n):
-        cell = (np.floor(at * cells) + 0.5) / cells
+        before = np.floor(8 * at - 0.5)
+        share = (8 * at - 0.5 - before)[:, None]
+        return (1 - share) * box_along((before + 0.5) / 8, n) + share * box_along((before + 1.5) / 8, n)
+
+    def box_along(at, n):
         sigma = sigma_m / lens.pixel_pitch_m
 
         def antiderivative(u):  # of the distribution function
             bell = sigma * np.exp(-0.5 * (u / sigma) ** 2) / math.sqrt(2 * math.pi)
             return 0.5 * u * (1 + erf(u / (sigma * math.sqrt(2)))) + bell
 
-        edge, half = np.arange(n + 1), 0.5 / cells
-        below = antiderivative(edge - cell[:, None] + half) - antiderivative(edge - cell[:, None] - half)
-        return np.diff(below * cells, axis=1)
+        edge, half = np.arange(n + 1), 0.5 / 8
+        below = antiderivative(edge - at[:, None] + half) - antiderivative(edge - at[:, None] - half)
+        return np.diff(below / (2 * half), axis=1)
 
     direction = hits.rays.direction[hits.ray]
     col, row = lens.image_of(direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2])
@@ -91,9 +103,8 @@ def test_the_image_is_the_sum_of_all_spots(distortion):
     """A plate at the upper right corner of a small focal plane, against erf for every hit and pixel."""
     lens = LENS.replace(psf=GaussianPsf(sigma_um=40.0), n_rows=10, n_cols=14, distortion=distortion)
     blurred = seen(4.3, 1.7, 4.6, -3.8, lens)
-    sharp = seen(4.3, 1.7, 4.6, -3.8, lens.replace(psf=None))
-    cells = min(8, round(blurred.hits.weight.min() ** -0.5))  # a ray is told apart by its own cell, to 1/8 of a pixel
-    by_hand = np.einsum("h,hrc->rc", sharp.photons.photons, shares_by_hand(sharp.hits, lens, 40e-6, cells))
+    sharp, _ = before_lens(blurred, lens)
+    by_hand = np.einsum("h,hrc->rc", sharp.photons, shares_by_hand(blurred.hits, lens, 40e-6))
     assert blurred.by_pixel == pytest.approx(by_hand, abs=2e-3 * by_hand.max())
     assert np.unravel_index(blurred.by_pixel.argmax(), lens.shape) == np.unravel_index(by_hand.argmax(), lens.shape)
 
@@ -147,16 +158,17 @@ def test_two_depths_stay_two_returns():
 
     Of an evenly lit half-plane the first pixel beyond its edge gets ∫₀¹ Φ(-u/σ) du, σ in pixels.
     """
-    sharp, blurred = step(LENS), step(with_psf(SOFT))
+    blurred = step(with_psf(SOFT))
+    sharp, by_pixel = before_lens(blurred, LENS)
     target = blurred.hits.target[blurred.photons.hit]
     for number in (0, 1):
         of_hits, of_light = (
-            sharp.photons.delay_s[sharp.hits.target == number],
+            sharp.delay_s[blurred.hits.target[sharp.hit] == number],
             blurred.photons.delay_s[target == number],
         )
         assert of_hits.min() - 1e-15 <= of_light.min() and of_light.max() <= of_hits.max() + 1e-15
     counts = blurred.labels.cluster_count
-    assert np.all(sharp.labels.cluster_count == 1)
+    assert np.all(label(blurred.hits, sharp).cluster_count == 1)
     assert np.all(counts[:, [15, 16]] == 2) and np.all(counts[:, :13] == 1) and np.all(counts[:, 19:] == 1)
     u = np.linspace(0, 1, 4001)
     spilt = np.trapezoid(0.5 * (1 - erf(u / 0.5 / math.sqrt(2))), u)
@@ -165,7 +177,7 @@ def test_two_depths_stay_two_returns():
         mine = target == number
         light[number] = np.bincount(blurred.photons.pixel[mine], blurred.photons.photons[mine], 24 * 32).reshape(24, 32)
     inner = slice(3, -3)
-    near, far = sharp.by_pixel[inner, 15], sharp.by_pixel[inner, 16]
+    near, far = by_pixel[inner, 15], by_pixel[inner, 16]
     assert light[0, inner, 16] == pytest.approx(spilt * near, rel=0.02)  # 1e-3 of the light is shared out anew
     assert light[0, inner, 15] == pytest.approx((1 - spilt) * near, rel=0.02)
     assert light[1, inner, 15] == pytest.approx(spilt * far, rel=0.02)
@@ -277,10 +289,11 @@ def test_a_black_plate_blurs_into_nothing():
 
 
 def test_the_oversampled_image_is_from_before_the_lens():
-    sharp, blurred = (seen(3.3, 2.2, 0.4, -0.7, with_psf(p)) for p in (None, SOFT))
-    images = [optics.oversample(s.hits, LASER, lens) for s, lens in ((sharp, LENS), (blurred, with_psf(SOFT)))]
-    assert np.array_equal(images[0].range_m, images[1].range_m, equal_nan=True)
-    assert np.array_equal(images[0].photons, images[1].photons)
+    blurred = seen(3.3, 2.2, 0.4, -0.7, with_psf(SOFT))
+    sharp, with_lens = (optics.oversample(blurred.hits, LASER, lens) for lens in (LENS, with_psf(SOFT)))
+    assert np.array_equal(sharp.range_m, with_lens.range_m, equal_nan=True)
+    assert np.array_equal(sharp.photons, with_lens.photons)
+    assert with_lens.photons.sum(dtype=float) == pytest.approx(before_lens(blurred, LENS)[1].sum(), rel=1e-6)
 
 
 @pytest.mark.parametrize(

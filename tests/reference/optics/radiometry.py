@@ -72,7 +72,8 @@ def _depth_spread_s(hits, range_m, receiver):
     """Return how long light returns from one ray's footprint [s]: 2 R δ tan α / c, δ the side of the footprint."""
     cosine = np.maximum(hits.cos_incidence, 1e-3)  # nearer to edge-on the product only has to stay finite
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
-    spread = range_m / units.RANGE_PER_DELAY_M_S * np.sqrt(hits.weight) * receiver.ifov_rad * tangent
+    side = np.sqrt(hits.weight) if hits.rays.side is None else hits.rays.side[hits.ray]
+    spread = range_m / units.RANGE_PER_DELAY_M_S * side * receiver.ifov_rad * tangent
     return np.where(hits.cos_incidence > 0.0, spread, 0.0)
 
 

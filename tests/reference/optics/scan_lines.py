@@ -1,8 +1,8 @@
-"""Line sampling, one by one: pieces of contours, slabs, crossings and variances.
+"""Line sampling in plain loops: pieces of contours, slabs, crossings, rays and variances, one by one.
 
-The oracle of `rso_lidar.optics.rays.contour_images.cut_contours`, `rso_lidar.optics.rays.outlines.cover_pixels`,
-`rso_lidar.optics.rays.slabs.choose_slabs`, `rso_lidar.optics.rays.slabs.cross_lines`,
-`rso_lidar.optics.rays.slabs.estimate_meeting` and `rso_lidar.optics.rays.scan_lines.correct_variance`.
+The oracle of `rso_lidar.optics.rays.contour_images`, `rso_lidar.optics.rays.scan_lines`, `rso_lidar.optics.rays.slabs` and
+`rso_lidar.optics.rays.slabs.place_rays`. `touches` is, pixel by pixel, the oracle of
+`rso_lidar.optics.rays.outlines.cover_pixels`.
 """
 
 from itertools import pairwise
@@ -59,15 +59,23 @@ def find_ends(pieces, steep):
 
 
 def estimate_slabs(pieces, steps, edges):
-    """Return the variance of a pixel's photons by contours that cover a slab only in part."""
+    """Return the variance of a pixel's photons by contours that cover a slab only in part.
+
+    Beyond its ends a contour goes on upright. The error is the area between it and the upright line through the point at
+    which it is on the middle row of the slab.
+    """
     variance = 0.0
     for (x0, upper, x1, lower, _), step in zip(pieces, steps, strict=True):
         for top, bottom in pairwise(edges):
             a, b = max(upper, top), min(lower, bottom)
-            if a <= b and b - a < bottom - top - SAME:
-                share = (b - a) / (lower - upper) if lower > upper else 1.0
-                off = min(0.5 * (a + b) - top, bottom - 0.5 * (a + b))
-                variance += (step * abs(x1 - x0) * share * off) ** 2
+            if a > b:
+                continue
+            area, part = min(a - top, bottom - a), 1.0
+            if b > a:
+                row = np.array([top, a, b, bottom])
+                middle = np.interp(0.5 * (top + bottom), [a, b], [0.0, 1.0])
+                area, part = np.trapezoid([0.0, 0.0, 1.0, 1.0] - middle, row), (b - a) / (lower - upper)
+            variance += (step * (x1 - x0) * part * area) ** 2
     return variance
 
 
@@ -79,6 +87,22 @@ def cross_line(pieces, row):
     return column[order], number[order]
 
 
+def expect_changes(pieces, steps, row):
+    """Return the change of mean light from line to line: a root sum of squares, -1 if no contour has 60 % of the sum."""
+    expected = [0.0]
+    for above, below in pairwise(row):
+        squares = np.zeros(len(pieces))
+        for i, (x0, upper, x1, lower, _) in enumerate(pieces):
+            if lower > upper:
+                share = np.diff(np.interp([above, below], [upper, lower], [0.0, 1.0]))[0]
+            else:
+                share = float(above < upper < below)
+            squares[i] = (steps[i] * (x1 - x0) * share) ** 2
+        is_known = squares.max(initial=0.0) >= 0.6 * squares.sum()
+        expected.append(np.sqrt(squares.sum()) if is_known else -1.0)
+    return np.array(expected)
+
+
 def estimate_meeting(pieces, steps, gap, row, height):
     """Return the squared light of the area by which two contours may be in the wrong order, towards their farther end."""
     above, below = row - pieces[:, 1].max(), pieces[:, 3].min() - row
@@ -87,22 +111,44 @@ def estimate_meeting(pieces, steps, gap, row, height):
     return (min(steps) * np.trapezoid(behind, off)) ** 2
 
 
-def correct_variance(rays, variance, per_step, per_texture, per_twist):
+def correct_variance(weight, kind, change, light, variance, calibration):
     """Return the variance of one pixel, the factor on what contours are expected to leave, and the pixel's photons.
 
     Parameters
     ----------
-    rays : (ray, 3) weight, jump and light
+    weight, kind, change, light : (ray); kinds are "line", "contour", "pair" and "texture"
     variance : as expected
+    calibration : factors of changes at contours, in textures, and of the twist of four rays
     """
-    weight, jump, light = rays.T
-    change = np.diff(light, prepend=np.nan)
-    crossed, texture = jump > 0.0, jump == -2.0
-    factor = per_step
-    if crossed.any():
-        factor *= np.minimum(np.abs(change[crossed]), jump[crossed]) @ np.minimum(np.abs(change), jump)[crossed]
-        factor /= jump[crossed] @ jump[crossed]
-    uneven = per_texture * ((weight * change)[texture] ** 2).sum()
-    if jump.tolist() == [-1.0, 0.0, -1.0, 0.0]:
-        uneven += per_twist * (weight[0] * (light @ [1.0, -1.0, -1.0, 1.0])) ** 2
+    begin = np.flatnonzero(kind == "line")
+    height = np.add.reduceat(weight, begin)
+    mean = np.add.reduceat(weight * light, begin) / height
+    between_rays, between_lines = np.diff(light, prepend=np.nan), np.diff(mean, prepend=np.nan)
+    of_lines, of_rays = change[begin] > 0.0, kind == "contour"
+    factor = 1.0
+    if of_lines.any():
+        factor = (between_lines[of_lines] ** 2).sum() / (change[begin][of_lines] ** 2).sum()
+    elif of_rays.any():
+        factor = (between_rays[of_rays] ** 2).sum() / (change[of_rays] ** 2).sum()
+    factor = calibration[0] * min(factor, 3.0)
+    is_texture = kind == "texture"
+    uneven = calibration[1] * ((weight * between_rays)[is_texture] ** 2).sum()
+    if is_texture.any():
+        is_even = change[begin[1:]] == 0.0
+        uneven += (((between_lines * height)[1:][is_even]) ** 2).sum() / 12.0
+    if kind.tolist() == ["line", "pair"] * 2:
+        uneven += calibration[2] * (weight[0] * (light @ [1.0, -1.0, -1.0, 1.0])) ** 2
     return factor * variance + uneven, factor, weight @ light
+
+
+def merge_pixels(before, after, is_replaced):
+    """Return the places of the entries of two joined lists, sorted by pixel, without the first list's replaced pixels."""
+    both = np.concatenate([before, after])
+    is_kept = np.concatenate([~is_replaced[before], np.full(len(after), True)])
+    return np.flatnonzero(is_kept)[np.argsort(both[is_kept], kind="stable")]
+
+
+def normalise(direction):
+    """Return unit vectors (xyz, ray) along (x, y, 1)."""
+    whole = np.stack([direction[0], direction[1], np.ones(direction.shape[1])])
+    return whole / np.linalg.norm(whole, axis=0)

@@ -12,9 +12,11 @@ from rso_lidar.records import Hits, Photons
 from rso_lidar.ties import EQUAL
 from tests.reference.ties import find_first_greatest_of_each
 
+NEGLIGIBLE = 1e-3  # of a pixel's light
 
-def label_pixels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
-    """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster."""
+
+def label_pixels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Write the labels of the pixels that see something; return mean range [m], photons and whether it counts (cluster)."""
     n_pixels, n_clusters = len(labels["range_m"]), len(photons.cluster_pixel)
     labels["photons"] = np.bincount(photons.pixel, photons.photons, n_pixels)
     labels["filled_fraction"] = (
@@ -24,7 +26,7 @@ def label_pixels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[
     )
     bright = np.bincount(photons.cluster, photons.photons, n_clusters)
     if not n_clusters:
-        return bright, bright
+        return bright, bright, np.zeros(0, dtype=bool)
     # A black facet returns nothing and is there all the same: then area weighs instead of light.
     share = np.where(bright[photons.cluster] > 0.0, photons.photons, hits.weight[photons.hit])
     range_m = photons.delay_s * units.RANGE_PER_DELAY_M_S
@@ -35,9 +37,11 @@ def label_pixels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[
     first = np.flatnonzero(np.diff(photons.cluster_pixel, prepend=-1))  # nearest cluster of each pixel that has any
     pixel = photons.cluster_pixel[first]
     best = find_first_greatest_of_each(bright, first)
-    labels["first_range_m"][pixel] = mean_range[first]
+    is_counted = bright >= NEGLIGIBLE * labels["photons"][photons.cluster_pixel]
+    counted = np.flatnonzero(is_counted)
+    labels["first_range_m"][pixel] = mean_range[counted[np.searchsorted(counted, first)]]
     labels["range_m"][pixel] = mean_range[best]
-    labels["cluster_count"][pixel] = np.minimum(np.diff(first, append=n_clusters), 255)
+    labels["cluster_count"][pixel] = np.minimum(np.add.reduceat(is_counted.astype(int), first), 255)
 
     of_best = np.zeros(n_clusters, dtype=bool)
     of_best[best] = True
@@ -49,7 +53,7 @@ def label_pixels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[
     chosen = speak[find_first_greatest_of_each(share[speak], starts)]
     for name in ("target", "part", "facet", "cos_incidence"):
         labels[name][pixel] = getattr(hits, name)[photons.hit[chosen]]
-    return mean_range, bright
+    return mean_range, bright, is_counted
 
 
 def _of_brightest_part(hits: Hits, share: np.ndarray, photons: Photons, speak: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from rso_lidar.scene.embree.ray_by_ray import RayByRay
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
 from tests.reference.scene import segments as reference
 
-LENS = Receiver(fov_deg=6, f_number=2.8, n_rows=16, n_cols=16, rays_per_pixel=4, min_rays_per_target=0)
+LENS = Receiver(fov_deg=6, f_number=2.8, n_rows=16, n_cols=16, rays_per_pixel=16, min_rays_per_target=0)
 
 
 def some_starts():

@@ -115,11 +115,17 @@ def test_a_small_wall_a_millimetre_before_a_large_one_is_met():
 
 @pytest.mark.parametrize("range_m", [30.0, 3000.0, 50_000.0, 1e6])
 def test_far_and_near_and_fine(range_m):
-    """Rays as a small target gets them, on a grid finer than pixels; 30 m is inside the sphere about a long target."""
+    """Rays on a grid over the target, far finer than pixels; 30 m is inside the sphere about a long target."""
     target = surface("sat", box(2, 3, 70))
     pose = place((0.1, 0.2, range_m), Rotation.from_rotvec([0.3, 1.2, -0.5]))
-    lens = LENS.replace(min_rays_per_target=4096)
-    compiled, reference = both([target], truth_of(sat=pose), lens)
+    truth = truth_of(sat=pose)
+    seen = scene.extent([target], truth)
+    low, high = np.maximum(seen.low[0], -0.05), np.minimum(seen.high[0], 0.05)
+    right, down = np.meshgrid(*(np.linspace(low[axis], high[axis], 66)[1:-1] for axis in (0, 1)))
+    direction = np.stack([right.ravel(), down.ravel(), np.ones(right.size)], axis=1)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    rays = Rays((1, right.size), direction, np.arange(right.size), np.ones(right.size))
+    compiled, reference = both([target], truth, rays=rays)
     assert len(reference.ray) > 300
     agree(compiled, reference, ties=1e-3)
 

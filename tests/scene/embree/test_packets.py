@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rso_lidar import optics, scene
 from rso_lidar.errors import MeshError
 from rso_lidar.scene.embree import engine as packets
 from rso_lidar.scene.embree.ray_by_ray import RayByRay
 from rso_lidar.scene.surfaces import surface as surfaces
-from tests.optics.bench_for_tests import box, place, see, sphere, surface, truth_of
+from tests.optics.bench_for_tests import PAPER_LASER, PAPER_RECEIVER, box, place, see, sphere, surface, truth_of
 from tests.reference.scene.first_hits import reference_casting
 
 ENGINE = packets.engine()
@@ -55,10 +56,12 @@ def test_packets_of_any_width_meet_the_same(isa, monkeypatch):
         "ball": place((2, 1, 1500), Rotation.random(rng=rng)),
         "box": place((-9, 3, 1400), Rotation.random(rng=rng)),
     }
+    truth = truth_of(**poses)
+    rays = optics.pixel_rays(PAPER_RECEIVER, PAPER_LASER, scene.extent(targets, truth))
     with reference_casting():
-        expected = see(targets, truth_of(**poses)).hits
+        expected = scene.cast(rays, targets, truth, 1)
     monkeypatch.setattr("rso_lidar.scene.casting.cast.engine", lambda: engine)
-    got = see(targets, truth_of(**poses)).hits
+    got = scene.cast(rays, targets, truth, 1)
     assert len(expected.ray) > 10_000
     assert len(np.setxor1d(got.ray, expected.ray)) <= 3  # at the rim, float32 may go either way
     _, one, other = np.intersect1d(got.ray, expected.ray, return_indices=True)
