@@ -203,10 +203,8 @@ def project_edges(
 def _find_edges(surface: Surface) -> FacetEdges:
     """Find the edges of a surface."""
     corners = surface.corners.reshape(-1, 3)
-    is_zero = np.abs(corners) <= _ROUNDING * np.abs(corners).max(
-        initial=0.0
-    )  # single precision is relative to each number
-    single = np.where(is_zero, 0.0, corners).astype(np.float32)
+    least = _ROUNDING * np.abs(corners).max(initial=0.0)  # single precision is relative to each number
+    single = np.where(np.abs(corners) <= least, 0.0, corners).astype(np.float32)
     as_bytes = np.ascontiguousarray(single).view(np.dtype((np.void, 12))).ravel()
     _, first, point = np.unique(as_bytes, return_index=True, return_inverse=True)
     points = np.ascontiguousarray(corners[first])
