@@ -19,6 +19,7 @@ MEASUREMENT_GATE = 0.9999  # probability that a measurement without fault is kep
 SHARE = 0.95  # probability of the bounds that a description states
 _MOST_PASSES = 20
 _SINGULAR = 1e-12  # ratio of singular values, of columns of length 1, at which the parameters cannot be told apart
+_ROUNDING = 1e-14  # share of a variance that correlations may leave by rounding alone
 _SOFT = 2.5  # sigma above which residuals count less in the first solution, 1.2 % of normal ones; the last has no such limit
 
 Model = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -133,7 +134,10 @@ def solve_gated(
     try:
         factor = np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
-        raise ScenarioError(f"{name}: the covariance of a measurement is singular; state more noise") from None
+        factor = np.zeros_like(covariance)
+    left, variance = factor.diagonal(axis1=1, axis2=2) ** 2, covariance.diagonal(axis1=1, axis2=2)
+    if (left <= _ROUNDING * variance).any():
+        raise ScenarioError(f"{name}: the covariance of a measurement is singular; state more noise")
     limit = float(chdtri(rows, 1.0 - gate))
     sigma = np.full(len(start), np.inf) if prior_sigma is None else prior_sigma
     known = np.flatnonzero(np.isfinite(sigma))
