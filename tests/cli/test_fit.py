@@ -65,10 +65,6 @@ def test_the_own_orbit_alone_and_an_epoch_between_frames(call, stage):
             ("--epoch", "1e9"),
             "own orbit: epoch 1e+09 s is more than a day from the measurements; give an instant near them",
         ),
-        (
-            ("--range-noise", "1e-9", "--no-shape"),
-            "relative orbit: the covariance of a measurement is singular; state more noise",
-        ),
         (("--frames", "90:99"), "--frames 90:99: stage.h5 holds none of them, but 6 from 0 to 5"),
     ],
 )
@@ -81,3 +77,12 @@ def test_wrong_options_are_one_line_and_status_2(call, stage, options, message):
 def test_a_recording_without_sensors_needs_flags(call, recorded):
     status, _, errors = call(recorded)
     assert status == 2 and "fit: " in errors[-1]
+
+
+def test_ranges_without_noise_are_refused(call, tmp_path):
+    """So much light that all pixels of the target return: its centroid is known as well as one range."""
+    path = tmp_path / "bright.h5"
+    rl.save(path, rl.simulate(load_small("time.duration_s=12", "lidar.laser.energy_mj=5000")))
+    status, _, errors = call(path, "--range-noise", "1e-9", "--no-shape")
+    assert status == 2
+    assert errors[-1].endswith("relative orbit: the covariance of a measurement is singular; state more noise")

@@ -26,4 +26,5 @@ def test_a_cloud_has_all_returns(frame, colour):
     assert points["count"] == count
     drawn = np.frombuffer(packed, "<f4", 3 * count, 4 + length).reshape(-1, 3)
     expected = frame.truth.pose("tdrs", "lidar").apply(frame.points_m[frame.valid].astype(float))
-    assert np.abs(np.ptp(drawn, axis=0) - np.ptp(expected, axis=0)).max() < 1e-4  # float32 at some 10 m
+    apart = np.abs(np.ptp(drawn, axis=0) - np.ptp(expected, axis=0))
+    assert np.all(apart < 2e-7 * np.ptp(expected, axis=0))  # float32; false triggers lie kilometres from the target
