@@ -78,7 +78,7 @@ class ScanLines:
             cols.start,
             self._receiver.n_cols,
             packed(allowed),
-            _ROUGH * error,
+            error if self._receiver.rays_per_pixel is not None else _ROUGH * error,  # a grid has one round
             min(narrow * error, _NARROWEST),
             _STEEP * error,
             self._receiver.psf is None,  # a lens spreads light from where rays are: even light stays even

@@ -13,7 +13,7 @@ from rso_lidar.kernels import kernel
 from rso_lidar.optics.sorting import sort_by
 
 # Choices between error and time, as docs/physics.md states them:
-_ALL_EVENTS = 4  # so many ends of contours in a pixel may all be edges of slabs
+_ALL_EVENTS = 8  # so many ends of contours in a pixel may all be edges of slabs
 _FIRST_SLABS, _MOST_SLABS = 3, 64  # with more ends
 _BINS = 64  # of rows, in which the ends of contours are sorted
 _FEW_INTERVALS = 12  # of a line that all get a ray, however narrow they are

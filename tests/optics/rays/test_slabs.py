@@ -124,7 +124,7 @@ def test_the_mean_light_of_lines_changes_as_expected_unless_contours_may_cancel(
 def place(starts, pieces, steps, sides, narrow=0.0):
     """Return the rays of pixels that begin at row 3 and column 4 of 50, as `place_rays` does."""
     allowed = np.full(sides.shape, -1.0)
-    return slabs.place_rays(starts, pieces, steps, sides, 3, 4, 50, allowed, 0.2, narrow, 0.05)
+    return slabs.place_rays(starts, pieces, steps, sides, 3, 4, 50, allowed, 0.2, narrow, 0.05, True)
 
 
 @pytest.mark.parametrize("narrow", [0.0, 0.06])
@@ -226,7 +226,7 @@ def test_the_shift_of_a_pixel_does_not_depend_on_the_window():
     starts, pieces, steps = draw_pieces(0, 0, (2, 2))
     both, pixel, *_ = place(starts, pieces, steps, np.full((2, 2), 3))
     alone, *_ = slabs.place_rays(
-        starts[:2], pieces, steps, np.array([[3]]), 4, 5, 50, np.array([[-1.0]]), 0.2, 0.0, 0.05
+        starts[:2], pieces, steps, np.array([[3]]), 4, 5, 50, np.array([[-1.0]]), 0.2, 0.0, 0.05, True
     )
     np.testing.assert_array_equal(alone, both[:, pixel == 4 * 50 + 5])
 
