@@ -93,7 +93,9 @@ def test_a_flat_target_is_tracked_as_well_as_believed(text):
     # Jitter, 0.1 m, is known to its distribution and rules across; along, the range noise tried on the detector may be a
     # third off at this brightness: bounds of the mean of 99, widened by that.
     assert 1.5 < made.tracks["cv"].nis_mean < 4.5
-    assert made.tracks["cv"].nis_share > 0.85
+    # Whole rows of pixels begin to report at once as an edge of the plate passes, so errors are not normal, and fewer than
+    # 95 % are within the bounds. With 4,096 rays a pixel 83 to 93 % of 99 frames are, by seed; 3 sigma below 88 %:
+    assert made.tracks["cv"].nis_share > 0.78
     assert abs(np.mean(made.table["cv_error_ahead_m"][20:])) < 0.05
 
 
