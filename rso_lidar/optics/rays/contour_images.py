@@ -11,7 +11,8 @@ from rso_lidar.records import Contours
 
 _SIDES_OF_CIRCLE = 96  # of the polygon of the same area that stands for a round beam's edge
 _PIECES_OF_BENT = 8  # of a contour, behind a lens that distorts
-_RINGS = 12  # contours of equal steps that stand for the profile of a narrow Gaussian beam
+# Light over that on the axis, at the contours that stand for the profile of a narrow Gaussian beam: equal steps, and a tail
+_RINGS = (0.9375, 0.8125, 0.6875, 0.5625, 0.4375, 0.3125, 0.1875, 0.0625, 0.02, 0.005, 0.001)
 _NARROW = 2.0  # pixels: half the width of a Gaussian beam that needs them
 GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
 
@@ -49,17 +50,18 @@ def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tupl
 def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
     """Return the edge of the beam as contours (contour, 4) in the tangent plane, and their steps over the beam's light.
 
-    A Gaussian beam has no edge. Where it is narrow, rings at equal steps of its light stand for it.
+    A Gaussian beam has no edge. Where it is narrow, rings stand for it.
     """
     half_width = laser.half_width_tangent
     covered = receiver.field_edge.max() * (1.0 if laser.footprint in ("square", "as_printed") else math.sqrt(2.0))
     if laser.offset is not None or half_width >= covered * (1.0 - 1e-12):
         return np.empty((0, 4)), np.empty(0)
-    radii, corners, first = np.array([half_width]), _SIDES_OF_CIRCLE, 0.0
+    radii, share, corners, first = np.array([half_width]), np.ones(1), _SIDES_OF_CIRCLE, 0.0
     if laser.footprint == "gaussian":
         if half_width > _NARROW * receiver.pixel_tangent:
             return np.empty((0, 4)), np.empty(0)
-        radii = half_width * np.sqrt(-0.5 * np.log((np.arange(_RINGS) + 0.5) / _RINGS))
+        radii = half_width * np.sqrt(-0.5 * np.log(_RINGS))
+        share = np.minimum(_RINGS, _RINGS[0] - _RINGS[1])
     elif laser.footprint != "circle":
         radii, corners, first = radii * math.sqrt(2.0), 4, 0.25 * math.pi
     if corners > 4:
@@ -67,7 +69,7 @@ def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndar
     angle = first + np.arange(corners) * (2.0 * math.pi / corners)
     right, down = radii[:, None] * np.cos(angle), radii[:, None] * np.sin(angle)
     ends = np.stack([right, down, np.roll(right, -1, axis=1), np.roll(down, -1, axis=1)], axis=-1).reshape(-1, 4)
-    return ends, np.full(len(ends), 1.0 / len(radii))
+    return ends, np.repeat(share, corners)
 
 
 @kernel
