@@ -122,4 +122,5 @@ def test_a_slight_turn_changes_no_more_light_than_the_label_says(build, start):
         true.append(photons.sum())
         variances.append(variance.sum())
     excess = np.maximum(np.abs(np.diff(totals)) - np.abs(np.diff(true)), 0.0)
-    assert math.sqrt(np.mean(excess**2)) <= math.sqrt(np.mean(variances))
+    rounding = 1e-7 * np.mean(totals)  # embree meets edges in float32
+    assert math.sqrt(np.mean(excess**2)) <= math.sqrt(np.mean(variances)) + rounding
