@@ -259,7 +259,7 @@ def correct(pixels, weight, light, variance):
     pixel = np.repeat(np.array([*pixels], np.int32), [len(of) for of in pixels.values()])
     kind, change = np.array([KINDS[name] for name, _ in rays], np.int8), np.array([change for _, change in rays])
     seen, photons, variance = np.zeros(10), np.zeros(10), np.array(variance)
-    slabs.correct_variance(pixel, weight, kind, change, light, variance, seen, photons, CALIBRATION)
+    scan_lines.correct_variance(pixel, weight, kind, change, light, variance, seen, photons, CALIBRATION)
     return pixel, variance, seen, photons
 
 
