@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rso_lidar.optics.rays import slabs
+from rso_lidar.optics.rays import scan_lines, slabs
 from rso_lidar.optics.rays.contour_images import cut_contours
 from tests.reference.optics import scan_lines as oracle
 
