@@ -347,7 +347,7 @@ def place_rays(
     rough : as in `choose_slabs`
     narrow : neighbouring intervals share a ray if they are together narrower than this share of their line's contours
     steep : as in `choose_slabs`
-    is_shifted : whether three or more rays of an interval are shifted along it, and rays of a pixel without contours across it
+    is_shifted : whether three or more rays of an interval are shifted along it, and without contours across it, too
 
     Returns
     -------
@@ -427,7 +427,7 @@ def place_rays(
                 rays = max(1, math.ceil(across * sides - _SAME))
                 for r in range(rays):
                     at = (r + turn) / rays
-                    if sides == 2 and rays == 2 or rays == 1 and shared == 0.0:
+                    if (sides == 2 and rays == 2) or (rays == 1 and shared == 0.0):
                         at = (r + 0.5) / rays  # the depths of the rays' shares of a plane then add up to the pixel's
                     point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
                     if is_shifted and begin == end and sides > 2:

@@ -12,7 +12,6 @@ from rso_lidar.records import Hits, Photons
 from rso_lidar.ties import EQUAL
 from tests.reference.ties import find_first_greatest_of_each
 
-
 NEGLIGIBLE = 1e-3  # of a pixel's light
 
 
