@@ -346,8 +346,8 @@ def place_rays(
     rough : as in `choose_slabs`
     narrow : neighbouring intervals share a ray if they are together narrower than this share of their line's contours
     steep : as in `choose_slabs`
-    is_shifted : whether rays of an interval without contours are shifted along it, and those of a pixel without contours
-        across it, if there are three or more
+    is_shifted : whether rays of a pixel without contours, if it has three or more a side, lie at different columns and rows
+        of their cells; each of them once, so that their mean is the pixel's middle
 
     Returns
     -------
@@ -381,6 +381,9 @@ def place_rays(
             pieces, steps, begin, end, allowed[row, col], rough, steep, edges, room
         )
         lines = lay_lines(edges, slabs, sides, line_row, line_height)
+        multiplier = max(1, round(_GOLDEN * sides))
+        while math.gcd(multiplier, sides) > 1:
+            multiplier += 1
         crossing, by, spare = cross_lines(
             pieces, begin, end, line_row, lines, line_starts, filled, first_line, crossing, by, spare
         )
@@ -399,7 +402,7 @@ def place_rays(
         for line in range(lines):
             first, last = line_starts[line], line_starts[line + 1]
             y, h = line_row[line], line_height[line]
-            turn = 0.5 + pixel_of * _PLASTIC + line * _GOLDEN
+            turn = pixel_of * _PLASTIC + line * _GOLDEN
             turn -= math.floor(turn)
             least = narrow * (crossing[last - 1] - crossing[first]) if last - first > _FEW_INTERVALS else 0.0
             left, step, shared, uncertain, is_first = 0.0, expected[line], 0.0, 0.0, True
@@ -423,13 +426,15 @@ def place_rays(
                     continue
                 rays = max(1, math.ceil(across * sides - _SAME))
                 # Between contours rays keep off the ends: a curved edge is near its chords, not on them.
-                shift = turn if shared > 0.0 or (is_shifted and first == last and rays > 2) else 0.5
+                at_line, at_ray = turn if shared > 0.0 else 0.5, y
                 for r in range(rays):
-                    at = (r + shift) / rays
-                    point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
-                    if is_shifted and begin == end and sides > 2:
-                        up = turn + r * _PLASTIC**2
-                        point[1, n] += h * (up - math.floor(up) - 0.5)
+                    if begin == end and is_shifted and sides > 2:
+                        at_line = ((line * multiplier + pixel_of) % sides + 0.5) / sides
+                        at_ray = y + h * (((r * multiplier + pixel_of) % sides + 0.5) / sides - 0.5)
+                    point[0, n], point[1, n] = (
+                        first_col + col + left + across * (r + at_line) / rays,
+                        first_row + row + at_ray,
+                    )
                     pixel[n], weight[n] = pixel_of, across * h / rays
                     side[n] = math.sqrt(0.5 * ((across / rays) ** 2 + h * h))
                     kind[n] = (LINE if is_first else CONTOUR) if r == 0 else (PAIR if sides == 2 else TEXTURE)
