@@ -12,6 +12,7 @@ from rso_lidar.scene.surfaces.surface import ANGLES, Surface
 
 _LEAST_DEPTH_M = 1e-6  # nearer to the lidar's plane, or behind it, a point has no image
 _NONE = -1  # instead of a facet or corner
+_ROUNDING = 1e-8  # of the largest coordinate: a smaller one is zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +203,9 @@ def project_edges(
 def _find_edges(surface: Surface) -> FacetEdges:
     """Find the edges of a surface."""
     corners = surface.corners.reshape(-1, 3)
-    as_bytes = np.ascontiguousarray(corners.astype(np.float32) + np.float32(0.0)).view(np.dtype((np.void, 12))).ravel()
+    least = _ROUNDING * np.abs(corners).max(initial=0.0)  # single precision is relative to each number
+    single = np.where(np.abs(corners) <= least, 0.0, corners).astype(np.float32)
+    as_bytes = np.ascontiguousarray(single).view(np.dtype((np.void, 12))).ravel()
     _, first, point = np.unique(as_bytes, return_index=True, return_inverse=True)
     points = np.ascontiguousarray(corners[first])
     triangle = point.reshape(-1, 3)
