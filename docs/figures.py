@@ -983,7 +983,7 @@ def scan_lines() -> Any:
     # Contours in short pieces, which are visible where the light on their two sides differs.
     least_step = 5.0 * receiver.sampling_error
     contours = rl.scene.contours([surface], truth, least_step)
-    images = image_contours(receiver, laser, contours.ends, contours.step_per_sr_m2)
+    images = image_contours(receiver, laser, contours)
     _, within, _ = cut_contours(*images, (row, row + 1, col, col + 1))
     starts, along = within[:, None, :2], within[:, None, 2:4] - within[:, None, :2]
     share = np.arange(60)[:, None] / 60.0

@@ -46,8 +46,9 @@ def flash_of(targets, truth, lens, *, has_earth=False, moon_m=None, laser=LASER)
 def test_a_lens_that_blurs_keeps_the_sunlight_of_a_plate(validation):
     """The kernel of a lens has the sum 1: what a plate of sunlight sends lands on the focal plane, core and halo."""
     wall, truth = surface("wall", plate(3.0)), truth_of((0.0, 0.0, -1.0), wall=place((0.4, -0.7, 500.0)))
-    lens = LENS.replace(glare=None)
-    sharp, soft = (flash_of([wall], truth, lens.replace(psf=psf))[0].background_photons_per_s for psf in (None, HALO))
+    sharp, soft = LENS.replace(glare=None, psf=None), LENS.replace(glare=None, psf=HALO)
+    hits = scene.cast(optics.pixel_rays(soft, LASER, scene.extent([wall], truth)), [wall], truth, 1, sun=True)
+    sharp, soft = (optics.collect(hits, LASER, lens).background_photons_per_s for lens in (sharp, soft))
     validation(
         case="sunlight of a plate behind a blur with a halo, over that behind a sharp lens",
         source="energy",

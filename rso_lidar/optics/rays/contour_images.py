@@ -15,6 +15,7 @@ _STRAIGHT = 0.01  # pixels: a contour that is bent less stays whole, so that its
 _RINGS = 12  # contours of equal steps that stand for the profile of a narrow Gaussian beam
 _DIM_RINGS = (0.01, 0.001)  # two more, over the light on the axis, so that the rays beyond lose 0.1 % of the energy
 _NARROW = 2.0  # pixels: half the width of a Gaussian beam that needs them
+_BRIGHT = 1e12  # photons: so many that no error of a beam alone is excused as noise
 GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
 
 
@@ -34,7 +35,7 @@ def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tupl
     ends, steps = contours.ends, contours.step_per_sr_m2 * (laser.density_on_axis * gathered)
     edge, share = _outline_beam(laser, receiver)
     if len(edge):
-        typical = float(np.median(steps)) if len(steps) else 1.0
+        typical = float(np.median(steps)) if len(steps) else _BRIGHT
         ends, steps = np.concatenate([ends, edge]), np.concatenate([steps, typical * share])
     if receiver.distortion is not None:
         ends, steps = _bend_contours(ends, steps, receiver)
@@ -76,7 +77,7 @@ def _bend_contours(ends: np.ndarray, steps: np.ndarray, receiver: Receiver) -> t
 def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
     """Return the edge of the beam as contours (contour, 4) in the tangent plane, and their steps over the beam's light.
 
-    A Gaussian beam has no edge. Where it is narrow, rings at equal steps of its light stand for it.
+    A Gaussian beam has no edge. Where it is narrow, rings stand for it, with half the step of light to both neighbours.
     """
     half_width = laser.half_width_tangent
     covered = receiver.field_edge.max() * (1.0 if laser.footprint in ("square", "as_printed") else math.sqrt(2.0))
@@ -84,12 +85,16 @@ def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndar
         return np.empty((0, 4)), np.empty(0)
     # No more sides than needed: a pixel's slabs end at all of their ends only while these are few.
     quarter = math.pi / math.sqrt(2.0 * _OFF_CIRCLE * receiver.pixel_tangent / half_width) / 4.0
+    steps = np.ones(1)
     radii, corners, first = np.array([half_width]), max(_FEWEST_SIDES, 4 * math.ceil(quarter)), 0.0
     if laser.footprint == "gaussian":
         if half_width > _NARROW * receiver.pixel_tangent:
             return np.empty((0, 4)), np.empty(0)
         levels = np.append((np.arange(_RINGS) + 0.5) / _RINGS, _DIM_RINGS)
+        levels = np.sort(levels)[::-1]
         radii = half_width * np.sqrt(-0.5 * np.log(levels))
+        around = np.concatenate([[2.0 - levels[0]], levels, [0.0]])
+        steps = 0.5 * (around[:-2] - around[2:])
     elif laser.footprint != "circle":
         radii, corners, first = radii * math.sqrt(2.0), 4, 0.25 * math.pi
     if corners > 4:
@@ -97,7 +102,7 @@ def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndar
     angle = first + np.arange(corners) * (2.0 * math.pi / corners)
     right, down = radii[:, None] * np.cos(angle), radii[:, None] * np.sin(angle)
     ends = np.stack([right, down, np.roll(right, -1, axis=1), np.roll(down, -1, axis=1)], axis=-1).reshape(-1, 4)
-    return ends, np.full(len(ends), 1.0 / len(radii))
+    return ends, np.repeat(steps, corners)
 
 
 @kernel

@@ -22,6 +22,7 @@ _NARROWEST = 0.06  # neither is greater
 _STEEP = 2.5  # change of column with row of contours whose ends do not count, over the width of all contours of a pixel
 _AIM = 0.7  # error in a second round, over the one that is asked for
 _DIM = 1e-3  # a pixel with less light, over the brightest, counts as if it had so much
+_WIDE = 8.0  # pixels: half the width of a Gaussian beam whose light is nearly even within a pixel
 _MOST_PER_SIDE = 48  # rays
 # The label's variance over what is expected, fitted to the scenes of tests/physics/sampling_scenes.py:
 _PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.65, 0.2, 0.2
@@ -78,7 +79,7 @@ class ScanLines:
             cols.start,
             self._receiver.n_cols,
             packed(allowed),
-            _ROUGH * error,
+            error if self._receiver.rays_per_pixel is not None else _ROUGH * error,  # a grid has one round
             min(narrow * error, _NARROWEST),
             _STEEP * error,
             self._receiver.psf is None,  # a lens spreads light from where rays are: even light stays even
@@ -285,7 +286,9 @@ def _rays_per_side(receiver: Receiver, laser: Laser, textures: np.ndarray) -> np
     """
     if receiver.rays_per_pixel is not None:
         return np.full(len(textures), receiver.rays_per_side, np.int64)
-    least = 2 if receiver.psf is None else 4  # a lens spreads light from where rays are
+    # A lens spreads light from where rays are, and the light of a Gaussian beam bends within a pixel.
+    is_bent = laser.footprint == "gaussian" and laser.half_width_tangent < _WIDE * receiver.pixel_tangent
+    least = 2 if receiver.psf is None and not is_bent else 4
     if laser.offset is not None:  # its shadows have no contours: 0.27 / N^(3/4) of a pixel, over half of it
         least = max(least, math.ceil((0.54 / receiver.sampling_error) ** (2.0 / 3.0)))
     if laser.footprint == "pattern":

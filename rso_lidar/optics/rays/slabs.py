@@ -13,17 +13,16 @@ from rso_lidar.kernels import kernel
 from rso_lidar.optics.sorting import sort_by
 
 # Choices between error and time, as docs/physics.md states them:
-_ALL_EVENTS = 4  # so many ends of contours in a pixel may all be edges of slabs
+_ALL_EVENTS = 8  # so many ends of contours in a pixel may all be edges of slabs
 _FIRST_SLABS, _MOST_SLABS = 3, 64  # with more ends
 _BINS = 64  # of rows, in which the ends of contours are sorted
 _FEW_INTERVALS = 12  # of a line that all get a ray, however narrow they are
-_GAUSS = 0.5 - 0.5 / math.sqrt(3.0)
 # Steps of sequences that fill an interval evenly, from line to line and from pixel to pixel:
 _GOLDEN, _PLASTIC = 0.6180339887498949, 0.7548776662466927
 _SAME = 1e-6  # pixels: nearer ends are one
 _LEAST_WIDTH = 1e-3  # pixels: an upright contour counts as one so wide
 # How a ray follows the one before it: it is the first of a line, there is a contour between the two, it is the second of a
-# pair at the points of Gauss, or one of many in an interval that may have a texture.
+# pair, or one of many in an interval that may have a texture.
 LINE, CONTOUR, PAIR, TEXTURE = range(4)
 UNKNOWN = -1.0  # change of light between two lines
 _MOSTLY = 0.6  # share of the squares of all changes between two lines that the greatest has if it outweighs the others
@@ -217,10 +216,7 @@ def lay_lines(edges: np.ndarray, slabs: int, sides: int, row: np.ndarray, height
         top, tall = edges[slab], edges[slab + 1] - edges[slab]
         lines = max(1, math.ceil(tall * sides - _SAME))
         for line in range(lines):
-            at = (line + 0.5) / lines
-            if lines == 2:
-                at = _GAUSS if line == 0 else 1.0 - _GAUSS
-            row[n], height[n] = top + tall * at, tall / lines
+            row[n], height[n] = top + tall * (line + 0.5) / lines, tall / lines
             n += 1
     return n
 
@@ -350,8 +346,8 @@ def place_rays(
     rough : as in `choose_slabs`
     narrow : neighbouring intervals share a ray if they are together narrower than this share of their line's contours
     steep : as in `choose_slabs`
-    is_shifted : whether rays of an interval without contours are shifted along it, and those of a pixel without contours
-        across it, if there are three or more
+    is_shifted : whether rays of a pixel without contours, if it has three or more a side, lie at different columns and rows
+        of their cells; each of them once, so that their mean is the pixel's middle
 
     Returns
     -------
@@ -385,6 +381,9 @@ def place_rays(
             pieces, steps, begin, end, allowed[row, col], rough, steep, edges, room
         )
         lines = lay_lines(edges, slabs, sides, line_row, line_height)
+        multiplier = max(1, round(_GOLDEN * sides))
+        while math.gcd(multiplier, sides) > 1:
+            multiplier += 1
         crossing, by, spare = cross_lines(
             pieces, begin, end, line_row, lines, line_starts, filled, first_line, crossing, by, spare
         )
@@ -403,7 +402,7 @@ def place_rays(
         for line in range(lines):
             first, last = line_starts[line], line_starts[line + 1]
             y, h = line_row[line], line_height[line]
-            turn = 0.5 + pixel_of * _PLASTIC + line * _GOLDEN
+            turn = pixel_of * _PLASTIC + line * _GOLDEN
             turn -= math.floor(turn)
             least = narrow * (crossing[last - 1] - crossing[first]) if last - first > _FEW_INTERVALS else 0.0
             left, step, shared, uncertain, is_first = 0.0, expected[line], 0.0, 0.0, True
@@ -427,15 +426,15 @@ def place_rays(
                     continue
                 rays = max(1, math.ceil(across * sides - _SAME))
                 # Between contours rays keep off the ends: a curved edge is near its chords, not on them.
-                shift = turn if shared > 0.0 or (is_shifted and first == last and rays > 1) else 0.5
+                at_line, at_ray = turn if shared > 0.0 else 0.5, y
                 for r in range(rays):
-                    at = (r + shift) / rays
-                    if sides == 2 and rays == 2:
-                        at = _GAUSS if r == 0 else 1.0 - _GAUSS
-                    point[0, n], point[1, n] = first_col + col + left + across * at, first_row + row + y
-                    if is_shifted and begin == end and sides > 2:
-                        up = turn + r * _PLASTIC
-                        point[1, n] += h * (up - math.floor(up) - 0.5)
+                    if begin == end and is_shifted and sides > 2:
+                        at_line = ((line * multiplier + pixel_of) % sides + 0.5) / sides
+                        at_ray = y + h * (((r * multiplier + pixel_of) % sides + 0.5) / sides - 0.5)
+                    point[0, n], point[1, n] = (
+                        first_col + col + left + across * (r + at_line) / rays,
+                        first_row + row + at_ray,
+                    )
                     pixel[n], weight[n] = pixel_of, across * h / rays
                     side[n] = math.sqrt(0.5 * ((across / rays) ** 2 + h * h))
                     kind[n] = (LINE if is_first else CONTOUR) if r == 0 else (PAIR if sides == 2 else TEXTURE)
