@@ -16,8 +16,6 @@ NONE = {  # kernels without an oracle, by module, and what checks them instead
     "rso_lidar.dataset.drawing.sample_order": "places are a permutation, and ten samples of a class hold each split's share",
     "rso_lidar.export.layout.checksum": "h5py verifies the checksum that it computes itself",
     "rso_lidar.export.writer.chunks": "h5py verifies the checksums of the chunks as it reads them",
-    "rso_lidar.optics.rays.scan_lines": "rays have length 1, and merged pixels have the finer entries alone, by numpy",
-    "rso_lidar.optics.rays.slabs": "rays stand for whole pixels, one in each interval between crossings of the oracle",
     "rso_lidar.scene.meshes.polygons": "triangles that wind alike and have the area of the shoelace formula cover it once",
     "rso_lidar.export.writer.deflate": "zlib inflates the result, and h5py reads it",
 }
