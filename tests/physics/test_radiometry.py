@@ -112,7 +112,7 @@ def test_a_narrow_beam_whose_edge_cuts_pixels(validation, footprint, pixels):
         source="Howell B-3, B-12 or quadrature",
         expected=total,
         got=seen.by_pixel.sum(),
-        tolerance=1e-3 * total,
+        tolerance=(2.0 if footprint == "gaussian" else 1.0) * receiver.sampling_error * total,  # the tail has few rays
         unit="photons",
     )
     if footprint != "gaussian":

@@ -46,7 +46,7 @@ def judge(got, variance, true, sampling_error):
 
     There is no third round, so that the error may stay above the one that is asked for. The label then says so. Labels are
     right to a factor of two: what is hidden is estimated from some dozens of contours that rays have met. An error that is
-    far below the one asked for is not estimated well; its label only has to be below that, too.
+    far below the one asked for is not estimated well; its label only has to be near that, too.
     """
     error, label, total = compare(got, true, variance)
     wrong = []
@@ -55,7 +55,7 @@ def judge(got, variance, true, sampling_error):
     if np.count_nonzero(true) > FEW_PIXELS:
         if abs(total) > max(0.001, TOTAL * total_label(variance, true)):
             wrong.append(f"the light of all pixels is off by {total:+.3%}")
-        is_known = 0.5 <= label / error <= 2.0 if error > 0.25 * sampling_error else label <= sampling_error
+        is_known = 0.5 <= label / error <= 2.0 if error > 0.25 * sampling_error else label <= 1.25 * sampling_error
     else:  # one pixel's error is a single draw, which by chance is three times its rms or nothing
         is_known = min(error / 3.0, error - 0.1 * sampling_error) <= label <= 1.5 * sampling_error
     if not is_known:

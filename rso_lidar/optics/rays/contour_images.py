@@ -12,8 +12,8 @@ from rso_lidar.records import Contours
 _FEWEST_SIDES, _OFF_CIRCLE = 8, 0.01  # sides and distance [pixels] of the polygon that stands for a round beam's edge
 _PIECES_OF_BENT = 8  # of a contour that a lens bends
 _STRAIGHT = 0.01  # pixels: a contour that is bent less stays whole, so that its ends alone are edges of slabs
-_RINGS = 12  # contours of equal steps that stand for the profile of a narrow Gaussian beam
-_DIM_RINGS = (0.01, 0.001)  # two more, over the light on the axis, so that the rays beyond lose 0.1 % of the energy
+# Light over that on the axis, at the contours that stand for the profile of a narrow Gaussian beam: equal steps, and a tail
+_RINGS = (0.9375, 0.8125, 0.6875, 0.5625, 0.4375, 0.3125, 0.1875, 0.0625, 0.02, 0.005, 0.001)
 _NARROW = 2.0  # pixels: half the width of a Gaussian beam that needs them
 _BRIGHT = 1e12  # photons: so many that no error of a beam alone is excused as noise
 GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
@@ -90,10 +90,8 @@ def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndar
     if laser.footprint == "gaussian":
         if half_width > _NARROW * receiver.pixel_tangent:
             return np.empty((0, 4)), np.empty(0)
-        levels = np.append((np.arange(_RINGS) + 0.5) / _RINGS, _DIM_RINGS)
-        levels = np.sort(levels)[::-1]
-        radii = half_width * np.sqrt(-0.5 * np.log(levels))
-        around = np.concatenate([[2.0 - levels[0]], levels, [0.0]])
+        radii = half_width * np.sqrt(-0.5 * np.log(_RINGS))
+        around = np.concatenate([[2.0 - _RINGS[0]], _RINGS, [0.0]])
         steps = 0.5 * (around[:-2] - around[2:])
     elif laser.footprint != "circle":
         radii, corners, first = radii * math.sqrt(2.0), 4, 0.25 * math.pi
