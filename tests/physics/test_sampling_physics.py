@@ -29,10 +29,12 @@ TOTAL = 3.5  # of the label of the total: the same edge crosses neighbouring pix
 _PIERCED = "there is no contour where bodies pierce each other, so that nothing is estimated"
 _DIM = "a dim body hides a brighter one, and only the light at the contour is known"
 _EVEN = "booms at even distances, of which all lines of a pixel may meet as many, or none"
+_SMOOTH = "the label takes the smooth profile of the beam for a texture, which is sampled worse"
 MISLABELLED = {
     **{("interpenetrating, random", error): _PIERCED for error in SAMPLING_ERRORS},
     **{("several targets, random", error): _DIM for error in (0.01, 0.02)},
     **{(f"grating, {turn}", 0.05): _EVEN for turn in ("along rows", "along columns", "random")},
+    ("narrow beam, gaussian", 0.01): _SMOOTH,
 }
 
 
