@@ -161,7 +161,7 @@ class Receiver(Part):
 
     @property
     def rays_per_side(self) -> int:
-        """Side k of the k x k grid of rays in a pixel, the coarsest where `sampling_error` decides."""
+        """Side k of the fixed k x k grid of rays in a pixel; 4 if `rays_per_pixel` is omitted."""
         return _GRID_SIDE if self.rays_per_pixel is None else math.isqrt(self.rays_per_pixel)
 
     @cached_property

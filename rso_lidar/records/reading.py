@@ -112,9 +112,14 @@ class Labels(Record):
         "row col", "f8", "m", "photon-weighted mean range of the brightest cluster, NaN for sky"
     )
     first_range_m: np.ndarray = array(
-        "row col", "f8", "m", "photon-weighted mean range of the nearest cluster, NaN for sky"
+        "row col",
+        "f8",
+        "m",
+        "photon-weighted mean range of the nearest cluster with at least a thousandth of the pixel's light, NaN for sky",
     )
-    cluster_count: np.ndarray = array("row col", "u1", "1", "clusters of returns in the pixel")
+    cluster_count: np.ndarray = array(
+        "row col", "u1", "1", "clusters of returns in the pixel with at least a thousandth of its light"
+    )
     target: np.ndarray = array("row col", "i2", "1", "target index of the brightest part, -1 for sky")
     part: np.ndarray = array("row col", "i2", "1", "index of the part that returns most light, -1 for sky")
     facet: np.ndarray = array(

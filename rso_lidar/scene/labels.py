@@ -179,6 +179,8 @@ def label_pixels(
             counted += is_counted[c]
             if nearest < 0 and is_counted[c]:
                 nearest = c
+        if nearest < 0:
+            nearest, counted, is_counted[best] = best, 1, True
         most = 0.0
         for kind in range(kinds):
             most = max(most, kind_light[kind])

@@ -14,11 +14,12 @@ from rso_lidar.optics.rays.slabs import CONTOUR, LINE, NOISE_SHARE, PAIR, TEXTUR
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
 
-# Choices between error and time, as docs/physics.md states them. The first three are over the error asked for.
+# Choices between error and time, as docs/physics.md states them. _ROUGH, _NARROW, _NARROW_AGAIN, _STEEP and _AIM are
+# multiples of the error asked for.
 _ROUGH = 10.0  # error at which the first round aims, over half the light of a pixel whose contours are all visible
 _NARROW = 3.0  # width of intervals that share a ray, over the width of all contours on their line
 _NARROW_AGAIN = 1.0  # the same in the second round
-_NARROWEST = 0.06  # neither is greater
+_NARROWEST = 0.06  # upper limit of both, times the error
 _STEEP = 2.5  # change of column with row of contours whose ends do not count, over the width of all contours of a pixel
 _AIM = 0.7  # error in a second round, over the one that is asked for
 _DIM = 1e-3  # a pixel with less light, over the brightest, counts as if it had so much
@@ -34,9 +35,9 @@ _CONTRAST = 2.0  # assumed: spread of the light of cells of foil, over its mean
 class ScanLines:
     """Rays of one flash: one in each interval that contours cut from the scan lines of a pixel.
 
-    Contours are edges at which light may change abruptly. They end slabs of a pixel, one line or two go through each slab,
-    and each interval of a line between two contours gets a ray, whose weight is the interval's length times the height
-    that the line stands for. Nothing is drawn at random.
+    Contours are edges at which light may change abruptly. A pixel is cut into slabs where they end. Each slab gets
+    one line or more. Each interval between two contours gets one ray or more, whose weights sum to the interval's length
+    times the height that the line stands for. Very narrow neighbours share a ray. Nothing is drawn at random.
 
     The number of slabs follows from the contours, in a first round from all of them. The light that its rays meet tells
     which contours are visible, and how bright a pixel is. If the error of the frame may then be more than
@@ -132,7 +133,7 @@ class ScanLines:
         return hits, True
 
     def _find_missed(self, variance: np.ndarray, photons: np.ndarray) -> np.ndarray:
-        """Return the variance (row, col) that pixels of the window may have which are to be sampled anew, 0 elsewhere.
+        """Choose the pixels of the second round; return the variance (row, col) that each may have, 0 for all others.
 
         Parameters
         ----------
@@ -217,7 +218,7 @@ def correct_variance(
 
 
 def _replace_pixels(hits: Hits, finer: Hits) -> Hits:
-    """Return hits in which the pixels that have finer rays have these alone."""
+    """Replace the hits of pixels that were sampled again."""
     is_finer = np.zeros(hits.rays.shape, np.bool_)
     is_finer.flat[finer.rays.pixel] = True
     of_rays = merge_pixels(packed(hits.rays.pixel), packed(finer.rays.pixel), is_finer.reshape(-1))

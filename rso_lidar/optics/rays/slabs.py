@@ -21,8 +21,8 @@ _FEW_INTERVALS = 12  # of a line that all get a ray, however narrow they are
 _GOLDEN, _PLASTIC = 0.6180339887498949, 0.7548776662466927
 _SAME = 1e-6  # pixels: nearer ends are one
 _LEAST_WIDTH = 1e-3  # pixels: an upright contour counts as one so wide
-# How a ray follows the one before it: it is the first of a line, there is a contour between the two, it is the second of a
-# pair, or one of many in an interval that may have a texture.
+# Relation of a ray to its predecessor: first of a line; across a contour; second of a pair; one of many in an interval that
+# may have a texture.
 LINE, CONTOUR, PAIR, TEXTURE = range(4)
 UNKNOWN = -1.0  # change of light between two lines
 _MOSTLY = 0.6  # share of the squares of all changes between two lines that the greatest has if it outweighs the others
@@ -125,7 +125,7 @@ def sort_ends(
     total: np.ndarray,
     row: np.ndarray,
 ) -> tuple[int, float]:
-    """Sort the ends of a pixel's contours by row, but those of steep ones; stop at more than `_BINS` different rows.
+    """Sort the ends of a pixel's contours by row, except those of steep ones; stop after `_BINS` different rows.
 
     Parameters
     ----------
@@ -193,8 +193,8 @@ def estimate_slabs(pieces: np.ndarray, steps: np.ndarray, begin: int, end: int, 
                 lean = width / (lower - upper)
                 wrong = lean * abs(a + b - 2.0 * middle_row) * 0.5 * (edges[j + 1] - edges[j] - (b - a))
             else:
-                part = width * ((b - a) / (lower - upper) if lower > upper else 1.0)
-                wrong = part * min(0.5 * (a + b) - edges[j], edges[j + 1] - 0.5 * (a + b))
+                part = width * (max(b - a, 0.0) / (lower - upper) if lower > upper else 1.0)
+                wrong = part * max(min(0.5 * (a + b) - edges[j], edges[j + 1] - 0.5 * (a + b)), 0.0)
             variance += (steps[i] * wrong) ** 2
             if first == last:
                 break
@@ -273,7 +273,8 @@ def cross_lines(
         line = first[i - begin]
         while line < lines and row[line] <= pieces[i, 3]:
             at = filled[line]
-            crossing[at], by[at] = pieces[i, 0] + pieces[i, 4] * (row[line] - pieces[i, 1]), i
+            x = pieces[i, 0] + pieces[i, 4] * (row[line] - pieces[i, 1])
+            crossing[at], by[at] = min(max(x, 0.0), 1.0), i
             filled[line] += 1
             line += 1
     for line in range(lines):
@@ -351,11 +352,9 @@ def place_rays(
 
     Returns
     -------
-    Points (col_row, ray) on the focal plane [pixels]; pixels, weights, and root mean square of the sides of the rays'
-    shares [pixels] (ray). How each ray follows the one before (ray),
-    as at the top of this module, and the step of light between them if no contour is hidden; of a line's first ray, the
-    change of the line's mean light from the line before. Variance (row, col) of the photons of the window's pixels, if no
-    contour is hidden.
+    Points (col_row, ray) on the focal plane [pixels]. Of each ray (ray): pixel, weight, rms side of its share [pixels],
+    relation to its predecessor, and the step of light between the two; for the first ray of a line, the expected change of
+    the line's mean light. Variance (row, col) of the photons of the window's pixels, if no contour is hidden.
     """
     height, width = per_side.shape
     variance, most = np.zeros(per_side.shape), 0
