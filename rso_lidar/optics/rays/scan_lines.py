@@ -19,7 +19,7 @@ from rso_lidar.records import Contours, Extent, Hits, Rays, specs
 _ROUGH = 10.0  # error at which the first round aims, over half the light of a pixel whose contours are all visible
 _NARROW = 3.0  # width of intervals that share a ray, over the width of all contours on their line
 _NARROW_AGAIN = 1.0  # the same in the second round
-_NARROWEST = 0.06  # upper limit of both, times the error
+_NARROWEST = 0.06  # greatest such width, whatever error is asked for
 _STEEP = 2.5  # change of column with row of contours whose ends do not count, over the width of all contours of a pixel
 _AIM = 0.7  # error in a second round, over the one that is asked for
 _DIM = 1e-3  # a pixel with less light, over the brightest, counts as if it had so much
@@ -28,7 +28,7 @@ _MOST_PER_SIDE = 48  # rays
 # The label's variance over what is expected, fitted to the scenes of tests/physics/sampling_scenes.py:
 _PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.65, 0.2, 0.2
 _BRIGHTER = 3.0  # squared step at most, over the one expected: a dim facet may hide a bright one
-_ERROR_OF_CELLS = 0.54
+_ERROR_OF_CELLS = 0.54  # see `_rays_per_side`
 _CONTRAST = 2.0  # assumed: spread of the light of cells of foil, over its mean
 
 
@@ -300,15 +300,19 @@ def _rays_per_side(receiver: Receiver, laser: Laser, textures: np.ndarray) -> np
 
 
 def find_small(receiver: Receiver, extent: Extent) -> np.ndarray:
-    """Return whether the contours of each target are to cut its rays (target).
+    """Find the targets whose contours cut the lines of rays.
 
-    They always are unless the receiver has a fixed grid. Then they are for targets whose bounds get fewer rays of the grid
+    These are all targets, unless the receiver has a fixed grid. Then they are those whose bounds get fewer rays of the grid
     than `Receiver.min_rays_per_target`.
 
     Parameters
     ----------
     receiver : decides how rays sample its pixels
     extent : where targets can be
+
+    Returns
+    -------
+    Whether the contours of each target count (target).
     """
     if receiver.rays_per_pixel is None:
         return np.ones(len(extent.low), np.bool_)
@@ -320,8 +324,9 @@ def find_small(receiver: Receiver, extent: Extent) -> np.ndarray:
 def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
     """Make a fixed grid of rays, k x k through each pixel that a target's bounds may touch.
 
-    A ray's weight is its share of the pixel's area. The rays of a line are shifted against those of other lines and other
-    pixels by an even sequence, so that they do not lie along edges. Pixels outside the laser's footprint get no rays, unless
+    A ray's weight is its share of the pixel's area. From k = 3 on, no two rays of a pixel lie at the same row or column of
+    the focal plane, so that an edge along either cuts them at different places. Behind a lens with a PSF they lie in the
+    middle of their cells. Pixels outside the laser's footprint get no rays, unless
     the laser is beside the lens or sunlight is simulated. The edge of a beam cuts the lines that cross it.
 
     Parameters

@@ -17,7 +17,8 @@ _ALL_EVENTS = 8  # so many ends of contours in a pixel may all be edges of slabs
 _FIRST_SLABS, _MOST_SLABS = 3, 64  # with more ends
 _BINS = 64  # of rows, in which the ends of contours are sorted
 _FEW_INTERVALS = 12  # of a line that all get a ray, however narrow they are
-# Steps of sequences that fill an interval evenly, from line to line and from pixel to pixel:
+# Steps of sequences that fill an interval evenly, from line to line and from pixel to pixel: 1 / 1.618 (golden ratio), and
+# 1 / 1.3247, the root of x³ = x + 1 (Roberts 2018).
 _GOLDEN, _PLASTIC = 0.6180339887498949, 0.7548776662466927
 _SAME = 1e-6  # pixels: nearer ends are one
 _LEAST_WIDTH = 1e-3  # pixels: an upright contour counts as one so wide
@@ -48,7 +49,7 @@ def choose_slabs(
     pieces, steps : pieces of contours, as `contour_images.cut_contours` returns them
     begin, end : the pixel's pieces
     allowed : variance of the pixel's photons that is aimed at, if no contour is hidden; negative if it is not known
-    rough : then the error over the light that half of the contours' box would send
+    rough : if `allowed` is not known, the error that is aimed at, over the light of half of the contours' box
     steep : the ends of a contour do not count that leans less, over the width of all contours of the pixel
     edges : (edge), written: edges of the slabs, from 0 to 1
     room : (3, bin), at least `_BINS`, overwritten
