@@ -16,6 +16,7 @@ _STRAIGHT = 0.01  # pixels: a contour that is bent less stays whole, so that its
 _RINGS = (0.9375, 0.8125, 0.6875, 0.5625, 0.4375, 0.3125, 0.1875, 0.0625, 0.02, 0.005, 0.001)
 _NARROW = 2.0  # pixels: half the width of a Gaussian beam that needs them
 _BRIGHT = 1e12  # photons: so many that no error of a beam alone is excused as noise
+_FARTHEST = 1e6  # tangent of the greatest angle from the boresight at which an end keeps its place
 GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
 
 
@@ -39,12 +40,37 @@ def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tupl
         ends, steps = np.concatenate([ends, edge]), np.concatenate([steps, typical * share])
     if receiver.distortion is not None:
         ends, steps = _bend_contours(ends, steps, receiver)
+    if receiver.distortion is None:
+        middle = 0.5 * receiver.n_cols, 0.5 * receiver.n_rows
+        return image_straight(packed(ends), receiver.pixel_tangent, *middle), packed(steps)
     images = np.empty_like(ends)
     for end in (0, 2):
-        far = np.maximum(np.abs(ends[:, end : end + 2]).max(axis=1) / 1e6, 1.0)  # an end behind keeps its direction
-        x, y = ends[:, end] / far, ends[:, end + 1] / far
-        images[:, end], images[:, end + 1] = receiver.image_of(x, y)
-    return packed(images), packed(steps)
+        images[:, end], images[:, end + 1] = receiver.image_of(ends[:, end], ends[:, end + 1])
+    return images, packed(steps)
+
+
+@kernel
+def image_straight(ends: np.ndarray, pixel_tangent: float, middle_col: float, middle_row: float) -> np.ndarray:
+    """Image ends of contours through a lens without distortion; an end far outside keeps its direction only.
+
+    Parameters
+    ----------
+    ends : (contour, 4) right and down of both ends in the tangent plane
+    middle_col, middle_row : where the boresight is [pixels]
+
+    Returns
+    -------
+    Column and row of both ends (contour, 4) [pixels].
+    """
+    images = np.empty(ends.shape)
+    for c in range(len(ends)):
+        for end in (0, 2):
+            x, y = ends[c, end], ends[c, end + 1]
+            far = max(abs(x), abs(y)) / _FARTHEST
+            if far > 1.0:
+                x, y = x / far, y / far
+            images[c, end], images[c, end + 1] = x / pixel_tangent + middle_col, y / pixel_tangent + middle_row
+    return images
 
 
 def _bend_contours(ends: np.ndarray, steps: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
