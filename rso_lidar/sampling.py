@@ -43,6 +43,8 @@ def cast_pixels(
     least_crease = min(_CREASE * receiver.sampling_error, _MOST_CREASE)
     contours = scene.contours(surfaces, truth, least_crease, optics.find_small(receiver, extent))
     lines = optics.ScanLines(receiver, laser, extent, contours, scene.find_textures(surfaces, truth))
+    if lines.probes is not None:  # what a front hides needs no lines
+        lines.lay(scene.find_fronts(lines.probes, surfaces, truth, threads))
     hits = cast(lines.rays)
     hits, is_unfinished = lines.take(hits, optics.pixel_photons(hits, laser, receiver))
     if is_unfinished:

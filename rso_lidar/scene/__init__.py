@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from rso_lidar.scene.casting.cast import cast
     from rso_lidar.scene.casting.contours import contours, find_textures
     from rso_lidar.scene.casting.extent import extent
+    from rso_lidar.scene.casting.fronts import find_fronts
     from rso_lidar.scene.casting.shadows import find_hidden
     from rso_lidar.scene.embree.engine import engine
     from rso_lidar.scene.labels import label
@@ -84,6 +85,7 @@ __all__ = [
     "examine_file",
     "examine_mesh",
     "extent",
+    "find_fronts",
     "find_hidden",
     "find_material",
     "find_textures",

@@ -26,6 +26,7 @@ def false_trigger_fraction(gsfl: Gsfl, armed_s: np.ndarray | float) -> np.ndarra
     return share
 
 
+@lru_cache(maxsize=64)
 def nominal_false_alarms_per_s(gsfl: Gsfl) -> float:
     """Return how often noise triggers an armed pixel of nominal threshold and dark current in the dark [1/s]."""
     threshold, dark = np.array([gsfl.trigger.threshold_electrons]), np.array([gsfl.apd.dark_electrons_per_s])

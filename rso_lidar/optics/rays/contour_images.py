@@ -6,6 +6,7 @@ import numpy as np
 
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
+from rso_lidar.optics.rays.probes import is_hidden
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours
 
@@ -16,11 +17,12 @@ _STRAIGHT = 0.01  # pixels: a contour that is bent less stays whole, so that its
 _RINGS = (0.9375, 0.8125, 0.6875, 0.5625, 0.4375, 0.3125, 0.1875, 0.0625, 0.02, 0.005, 0.001)
 _NARROW = 2.0  # pixels: half the width of a Gaussian beam that needs them
 _BRIGHT = 1e12  # photons: so many that no error of a beam alone is excused as noise
+_NEVER_HIDDEN = 1e9  # 1/z [1/m]: nearer than anything
 _FARTHEST = 1e6  # tangent of the greatest angle from the boresight at which an end keeps its place
 GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
 
 
-def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tuple[np.ndarray, np.ndarray]:
+def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Image the contours of targets and the edge of the beam onto the focal plane.
 
     Parameters
@@ -30,23 +32,25 @@ def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tupl
 
     Returns
     -------
-    Columns and rows of both ends (contour, 4) [pixels], and steps of light (contour) [photons of a whole pixel].
+    Columns and rows of both ends (contour, 4) [pixels], steps of light (contour) [photons of a whole pixel], and 1/z of both
+    ends (contour, 2) [1/m], which nothing hides for the edge of the beam.
     """
     gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
-    ends, steps = contours.ends, contours.step_per_sr_m2 * (laser.density_on_axis * gathered)
+    steps = contours.step_per_sr_m2 * (laser.density_on_axis * gathered)
+    ends, per_depth = contours.ends, contours.per_depth_per_m
     edge, share = _outline_beam(laser, receiver)
     if len(edge):
         typical = float(np.median(steps)) if len(steps) else _BRIGHT
         ends, steps = np.concatenate([ends, edge]), np.concatenate([steps, typical * share])
-    if receiver.distortion is not None:
-        ends, steps = _bend_contours(ends, steps, receiver)
+        per_depth = np.concatenate([per_depth, np.full((len(edge), 2), _NEVER_HIDDEN)])
     if receiver.distortion is None:
         middle = 0.5 * receiver.n_cols, 0.5 * receiver.n_rows
-        return image_straight(packed(ends), receiver.pixel_tangent, *middle), packed(steps)
+        return image_straight(packed(ends), receiver.pixel_tangent, *middle), packed(steps), packed(per_depth)
+    ends, steps, per_depth = _bend_contours(ends, steps, per_depth, receiver)
     images = np.empty_like(ends)
     for end in (0, 2):
         images[:, end], images[:, end + 1] = receiver.image_of(ends[:, end], ends[:, end + 1])
-    return images, packed(steps)
+    return images, packed(steps), packed(per_depth)
 
 
 @kernel
@@ -73,7 +77,9 @@ def image_straight(ends: np.ndarray, pixel_tangent: float, middle_col: float, mi
     return images
 
 
-def _bend_contours(ends: np.ndarray, steps: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
+def _bend_contours(
+    ends: np.ndarray, steps: np.ndarray, per_depth: np.ndarray, receiver: Receiver
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return contours within the field of a lens that distorts, those that it bends in pieces."""
     shares = np.broadcast_to([[0.0], [1.0]], (2, len(ends))).copy()
     for axis, edge in enumerate(receiver.field_edge):
@@ -82,7 +88,7 @@ def _bend_contours(ends: np.ndarray, steps: np.ndarray, receiver: Receiver) -> t
             cuts = np.sort([(-edge - start) / along, (edge - start) / along], axis=0)
         shares[0], shares[1] = np.fmax(shares[0], cuts[0]), np.fmin(shares[1], cuts[1])
     is_seen = shares[0] < shares[1]
-    ends, steps, shares = ends[is_seen], steps[is_seen], shares[:, is_seen]
+    ends, steps, per_depth, shares = ends[is_seen], steps[is_seen], per_depth[is_seen], shares[:, is_seen]
 
     def point_at(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return right and down at shares (…, contour) of the way along contours."""
@@ -97,7 +103,10 @@ def _bend_contours(ends: np.ndarray, steps: np.ndarray, receiver: Receiver) -> t
     whole = np.stack([right[0], down[0], right[-1], down[-1]], axis=-1)[~is_bent]
     pieces = np.stack([right[:-1], down[:-1], right[1:], down[1:]], axis=-1)[:, is_bent]
     steps = np.concatenate([steps[~is_bent], np.tile(steps[is_bent], _PIECES_OF_BENT)])
-    return np.concatenate([whole, pieces.reshape(-1, 4)]), steps
+    depth = per_depth[:, 0] + at * (per_depth[:, 1] - per_depth[:, 0])  # 1/z is even along a straight line's image
+    of_both = np.stack([depth[:-1], depth[1:]], axis=-1)[:, is_bent].reshape(-1, 2)
+    per_depth = np.concatenate([np.stack([depth[0], depth[-1]], axis=-1)[~is_bent], of_both])
+    return np.concatenate([whole, pieces.reshape(-1, 4)]), steps, per_depth
 
 
 def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
@@ -131,15 +140,22 @@ def _outline_beam(laser: Laser, receiver: Receiver) -> tuple[np.ndarray, np.ndar
 
 @kernel
 def cut_contours(
-    ends: np.ndarray, steps: np.ndarray, window: tuple[int, int, int, int]
+    ends: np.ndarray,
+    steps: np.ndarray,
+    per_depth: np.ndarray,
+    window: tuple[int, int, int, int],
+    fronts: np.ndarray,
+    per_side: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cut contours into the pieces that lie within single pixels.
+    """Cut contours into the pieces that lie within single pixels, and leave out those that are hidden.
 
     Parameters
     ----------
     ends : (contour, 4) column and row of the first end, then of the second [pixels]
     steps : (contour) steps of light
+    per_depth : (contour, 2) 1/z of both ends [1/m]
     window : first row of pixels, one past the last, and columns alike; pieces outside are left out
+    fronts, per_side : as in `probes.is_hidden`; no piece is hidden if `per_side` is 0
 
     Returns
     -------
@@ -148,21 +164,24 @@ def cut_contours(
     """
     top, bottom, left, right = window
     n_rows, n_cols = bottom - top, right - left
-    starts = np.zeros(n_rows * n_cols + 1, np.int64)
+    starts, filled = np.zeros(n_rows * n_cols + 1, np.int64), np.zeros(n_rows * n_cols, np.int64)
     pieces, strength = np.empty((0, 5)), np.empty(0)
-    for is_filling in (False, True):
+    for is_filling in (False, True):  # at first, pieces are counted, hidden ones too
         if is_filling:
             total = 0
             for p in range(len(starts)):
                 starts[p], total = total, total + starts[p]
-            pieces, strength = np.empty((total, 5)), np.empty(total)
+            pieces, strength, filled[:] = np.empty((total, 5)), np.empty(total), starts[:-1]
         for s in range(len(ends)):
             x0, y0, x1, y1 = ends[s, 0] - left, ends[s, 1] - top, ends[s, 2] - left, ends[s, 3] - top
+            w0, w1 = per_depth[s, 0], per_depth[s, 1]
             if y1 < y0:
-                x0, y0, x1, y1 = x1, y1, x0, y0
+                x0, y0, x1, y1, w0, w1 = x1, y1, x0, y0, w1, w0
             if y1 <= 0.0 or y0 >= n_rows or max(x0, x1) <= 0.0 or min(x0, x1) >= n_cols:
                 continue
             slope = (x1 - x0) / (y1 - y0) if y1 > y0 else 0.0
+            is_level = abs(x1 - x0) > y1 - y0
+            deeper = (w1 - w0) / ((x1 - x0) if is_level else max(y1 - y0, 1e-12))  # along the longer side
             for row in range(max(0, math.floor(y0)), min(n_rows - 1, math.floor(y1)) + 1):
                 up, down = max(y0, float(row)), min(y1, row + 1.0)
                 begin = x0 + (up - y0) * slope
@@ -170,16 +189,32 @@ def cut_contours(
                 low, high = min(begin, end), max(begin, end)
                 for col in range(max(0, math.floor(low)), min(n_cols - 1, math.floor(high)) + 1):
                     pixel = row * n_cols + col
-                    if is_filling:
-                        piece = pieces[starts[pixel]]
-                        piece[0], piece[2] = min(max(begin - col, 0.0), 1.0), min(max(end - col, 0.0), 1.0)
-                        piece[1], piece[3], piece[4] = up - row, down - row, slope
-                        if high > low:
-                            rise = (down - up) / (end - begin)
-                            piece[1] = min(max(up - row + (piece[0] + col - begin) * rise, 0.0), 1.0)
-                            piece[3] = min(max(up - row + (piece[2] + col - begin) * rise, 0.0), 1.0)
-                        strength[starts[pixel]] = steps[s]
-                    starts[pixel] += 1
-    starts[1:] = starts[:-1].copy()
-    starts[0] = 0
-    return starts, pieces, strength
+                    if not is_filling:
+                        starts[pixel] += 1
+                        continue
+                    first, last = min(max(begin - col, 0.0), 1.0), min(max(end - col, 0.0), 1.0)
+                    upper, lower = up - row, down - row
+                    if high > low:
+                        rise = (down - up) / (end - begin)
+                        upper = min(max(up - row + (first + col - begin) * rise, 0.0), 1.0)
+                        lower = min(max(up - row + (last + col - begin) * rise, 0.0), 1.0)
+                    if per_side > 0:
+                        w = w0 + deeper * ((first + col - x0) if is_level else (upper + row - y0))
+                        dw = deeper * ((last - first) if is_level else (lower - upper))
+                        if is_hidden(col + first, row + upper, last - first, lower - upper, w, dw, fronts, per_side):
+                            continue
+                    at = filled[pixel]
+                    pieces[at, 0], pieces[at, 1], pieces[at, 2] = first, upper, last
+                    pieces[at, 3], pieces[at, 4], strength[at] = lower, slope, steps[s]
+                    filled[pixel] += 1
+    n = 0
+    for p in range(n_rows * n_cols):  # close the gaps that hidden pieces leave
+        begin_at, starts[p] = starts[p], n
+        for at in range(begin_at, filled[p]):
+            if at > n:
+                for k in range(5):
+                    pieces[n, k] = pieces[at, k]
+                strength[n] = strength[at]
+            n += 1
+    starts[-1] = n
+    return starts, pieces[:n], strength[:n]

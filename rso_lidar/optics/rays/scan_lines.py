@@ -10,6 +10,7 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.rays.contour_images import GAUSSIAN_REACH, cut_contours, image_contours
 from rso_lidar.optics.rays.outlines import cover_pixels, image_bounds, image_outlines
+from rso_lidar.optics.rays.probes import count_probes, image_fronts, place_probes
 from rso_lidar.optics.rays.slabs import CONTOUR, LINE, NOISE_SHARE, PAIR, TEXTURE, place_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
@@ -63,12 +64,39 @@ class ScanLines:
         per_side = _rays_per_side(receiver, laser, textures)
         self._sides, top, left = cover_pixels(bounds, *outlines, per_side, *receiver.shape)
         self._window = slice(top, top + self._sides.shape[0]), slice(left, left + self._sides.shape[1])
-        self._pieces = cut_contours(
-            *image_contours(receiver, laser, contours),
-            (top, top + self._sides.shape[0], left, left + self._sides.shape[1]),
-        )
+        self._contours = image_contours(receiver, laser, contours)
+        self.probes: Rays | None = None
+        if len(contours.ends):
+            self._per_side = count_probes(self._sides, receiver.sampling_error)
+            self.probes = self._aim(*place_probes(self._sides, self._per_side, top, left, receiver.n_cols))
+        else:
+            self.lay(None)
+
+    def lay(self, fronts: np.ndarray | None) -> None:
+        """Lay the scan lines of the first round, and place its `rays`.
+
+        Parameters
+        ----------
+        fronts : (abc, probe) [1/m], what `probes` meet: 1/z = a x/z + b y/z + c on the plane of a facet, zeros for nothing;
+            None without probes
+        """
+        image, per_side, (rows, cols) = np.empty((4, 0, 0)), 0, self._window
+        if fronts is not None and self.probes is not None:
+            per_side = self._per_side
+            direction = packed(self.probes.direction.T)
+            apart = self._receiver.pixel_tangent / per_side
+            image = image_fronts(self._sides, per_side, direction, packed(fronts), apart, self._receiver.sampling_error)
+        window = rows.start, rows.stop, cols.start, cols.stop
+        self._pieces = cut_contours(*self._contours, window, image, per_side)
         self._is_crossed = (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
         self._place(self._sides, np.full(self._sides.shape, -1.0), _NARROW)
+
+    def _aim(self, point: np.ndarray, pixel: np.ndarray, weight: np.ndarray, side: np.ndarray | None = None) -> Rays:
+        """Aim rays at points (col_row, ray) of the focal plane [pixels]; the others are columns of `Rays`."""
+        direction = np.empty((3, len(pixel)))
+        direction[0], direction[1] = self._receiver.tangents_at(point[0], point[1])
+        normalise(direction)
+        return Rays(self._receiver.shape, direction.T, pixel, weight, side)
 
     def _place(self, sides: np.ndarray, allowed: np.ndarray, narrow: float) -> None:
         """Place the rays of some pixels of the window; the parameters are those of `slabs.place_rays`."""
@@ -86,12 +114,9 @@ class ScanLines:
             self._receiver.psf is None,  # a lens spreads light from where rays are: even light stays even
         )
         self._follows = kind, change
-        direction = np.empty((3, len(pixel)))
-        direction[0], direction[1] = self._receiver.tangents_at(point[0], point[1])
-        normalise(direction)
         self._variance = np.zeros(self._receiver.shape)
         self._variance[self._window] = known
-        self.rays = Rays(self._receiver.shape, direction.T, pixel, weight, side)
+        self.rays = self._aim(point, pixel, weight, side)
 
     def take(self, hits: Hits, photons: np.ndarray, before: Hits | None = None) -> tuple[Hits, bool]:
         """Take the hits of `rays`, and place those of the next round if one is needed.
@@ -340,5 +365,5 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
     Rays ordered by pixel.
     """
     grid = receiver.replace(rays_per_pixel=receiver.rays_per_side**2)
-    none = Contours(np.empty((0, 4)), np.empty(0), np.empty(0, np.int16))
+    none = Contours(np.empty((0, 4)), np.empty(0), np.empty((0, 2)), np.empty(0, np.int16))
     return ScanLines(grid, laser, extent, none, np.full(len(extent.low), np.inf)).rays

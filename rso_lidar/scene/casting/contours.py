@@ -54,7 +54,7 @@ def contours(
     -------
     the contours, in the tangent plane.
     """
-    lines, steps, numbers = [np.empty((0, 4))], [np.empty(0)], [np.empty(0, np.int16)]
+    lines, steps, depths, numbers = [np.empty((0, 4))], [np.empty(0)], [np.empty((0, 2))], [np.empty(0, np.int16)]
     for number, surface in enumerate(surfaces):
         if is_wanted is not None and not is_wanted[number]:
             continue
@@ -68,7 +68,7 @@ def contours(
             surface.brdf_table,
             packed(position),
         )
-        ends, step = project_edges(
+        ends, step, per_depth = project_edges(
             edges.points,
             edges.ends,
             edges.facets,
@@ -80,8 +80,9 @@ def contours(
         )
         lines.append(ends)
         steps.append(step)
+        depths.append(per_depth)
         numbers.append(np.full(len(step), number, np.int16))
-    return Contours(np.concatenate(lines), np.concatenate(steps), np.concatenate(numbers))
+    return Contours(*(np.concatenate(columns) for columns in (lines, steps, depths, numbers)))
 
 
 def find_textures(surfaces: Sequence[Surface], truth: Truth) -> np.ndarray:
@@ -140,7 +141,7 @@ def project_edges(
     translation: np.ndarray,
     matrix: np.ndarray,
     least_crease: float,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Project the edges that change the brightness of the image.
 
     An edge of two facets is a fold if both are on one side of it in the image; then the brighter one ends there.
@@ -154,7 +155,8 @@ def project_edges(
 
     Returns
     -------
-    Right and down of the first end, then of the second (contour, 4), and the step of brightness (contour).
+    Right and down of the first end, then of the second (contour, 4); the step of brightness (contour); 1/z of both ends
+    (contour, 2).
     """
     n = len(points)
     x, y, z = np.empty(n), np.empty(n), np.empty(n)
@@ -166,7 +168,7 @@ def project_edges(
         z[i] = matrix[2, 0] * px + matrix[2, 1] * py + matrix[2, 2] * pz + translation[2]
         depth = max(z[i], _LEAST_DEPTH_M)
         right[i], down[i] = x[i] / depth, y[i] / depth
-    lines, steps, count = np.empty((len(ends), 4)), np.empty(len(ends)), 0
+    lines, steps, per_depth, count = np.empty((len(ends), 4)), np.empty(len(ends)), np.empty((len(ends), 2)), 0
     for e in range(len(ends)):
         a, b = ends[e, 0], ends[e, 1]
         if max(z[a], z[b]) <= _LEAST_DEPTH_M:
@@ -191,13 +193,14 @@ def project_edges(
             line[0], line[1], line[2], line[3] = right[a], down[a], right[b], down[b]
             for end in range(2):
                 behind, ahead = (a, b) if end == 0 else (b, a)
+                per_depth[count, end] = 1.0 / max(z[behind], _LEAST_DEPTH_M)
                 if z[behind] < _LEAST_DEPTH_M:
                     share = (_LEAST_DEPTH_M - z[behind]) / (z[ahead] - z[behind])
                     line[2 * end] = (x[behind] + share * (x[ahead] - x[behind])) / _LEAST_DEPTH_M
                     line[2 * end + 1] = (y[behind] + share * (y[ahead] - y[behind])) / _LEAST_DEPTH_M
             steps[count] = step
             count += 1
-    return lines[:count].copy(), steps[:count].copy()
+    return lines[:count].copy(), steps[:count].copy(), per_depth[:count].copy()
 
 
 def _find_edges(surface: Surface) -> FacetEdges:

@@ -44,7 +44,7 @@ class FirstHits(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def _targets(surfaces: tuple[Surface, ...], engine: Engine) -> "tuple[tuple[Scene, ...], Targets]":
+def gather_targets(surfaces: tuple[Surface, ...], engine: Engine) -> "tuple[tuple[Scene, ...], Targets]":
     """Return the acceleration structures of surfaces and the arrays that the kernel reads, once for all frames."""
     scenes = tuple(surface.scene(engine) for surface in surfaces)
     count = np.array([0] + [len(surface.facets) for surface in surfaces], dtype=np.int64)
@@ -82,7 +82,7 @@ def find_first_hits(
     surfaces : the surfaces, each in its own axes
     threads : number of bands in parallel (None: one for each core)
     """
-    _held, targets = _targets(tuple(surfaces), engine)  # embree frees a scene that is not referenced
+    _held, targets = gather_targets(tuple(surfaces), engine)  # embree frees a scene that is not referenced
     origin, turn = np.empty((len(surfaces), 3)), np.empty((len(surfaces), 3, 3))
     for k, surface in enumerate(surfaces):
         origin[k], turn[k] = truth.poses.place(surface.name, "lidar")
@@ -142,7 +142,7 @@ class Targets(NamedTuple):
 
 
 @kernel
-def place_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarray:
+def placegather_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarray:
     """Return how targets are placed before the lidar (target, word).
 
     Parameters
@@ -269,7 +269,7 @@ def cast_rays(
     chosen = np.empty(BLOCK_RAYS, np.int64)
     near, cosine = np.empty(BLOCK_RAYS), np.empty(BLOCK_RAYS)
     facet, number = np.empty(BLOCK_RAYS, np.int64), np.empty(BLOCK_RAYS, np.int64)
-    places = place_targets(origin, turn, sphere)
+    places = placegather_targets(origin, turn, sphere)
     order = order_by_distance(places)
     alone = len(places) == 1
     hits = 0

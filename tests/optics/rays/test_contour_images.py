@@ -15,7 +15,12 @@ LENS = Receiver(fov_deg=2.5, f_number=2.8, n_rows=24, n_cols=32)
 
 def contours(ends, steps):
     """Return contours of one target."""
-    return Contours(np.asarray(ends), np.asarray(steps), np.zeros(len(ends), np.int16))
+    return Contours(np.asarray(ends), np.asarray(steps), np.full((len(ends), 2), 1e-3), np.zeros(len(ends), np.int16))
+
+
+def cut(ends, steps, window):
+    """Cut contours that nothing hides."""
+    return cut_contours(ends, steps, np.ones((len(ends), 2)), window, np.empty((4, 0, 0)), 0)
 
 
 NONE = contours(np.empty((0, 4)), np.empty(0))
@@ -28,7 +33,7 @@ def test_pieces_are_those_of_the_oracle(seed):
     ends[:20, 2:] = ends[:20, :2] + rng.normal(0.0, 0.2, (20, 2))
     ends[::5, 2], ends[1::5, 3] = ends[::5, 0], ends[1::5, 1]  # upright and level ones
     steps, window = rng.uniform(1.0, 2.0, 40), (1, 6, 2, 7)
-    starts, pieces, strength = cut_contours(ends, steps, window)
+    starts, pieces, strength = cut(ends, steps, window)
     expected = oracle.cut_contours(ends, steps, window)
     np.testing.assert_array_equal(np.diff(starts), np.bincount(expected[:, 0].astype(int), minlength=25))
     np.testing.assert_allclose(pieces, expected[:, 1:6], rtol=1e-9, atol=1e-9)
@@ -37,7 +42,7 @@ def test_pieces_are_those_of_the_oracle(seed):
 
 def test_a_contour_along_the_edges_of_pixels_is_cut_once():
     ends = np.array([[0.0, 2.0, 4.0, 2.0], [2.0, 0.0, 2.0, 4.0], [0.0, 0.0, 4.0, 4.0], [4.0, 4.0, 4.0, 0.0]])
-    _, pieces, strength = cut_contours(ends, np.arange(4.0), (0, 4, 0, 4))
+    _, pieces, strength = cut(ends, np.arange(4.0), (0, 4, 0, 4))
     length = np.hypot(pieces[:, 2] - pieces[:, 0], pieces[:, 3] - pieces[:, 1])
     sums = np.bincount(strength.astype(int), length, 4)
     np.testing.assert_allclose(sums, [4.0, 4.0, 4.0 * math.sqrt(2.0), 0.0])  # the last is the edge of the next pixels
@@ -47,7 +52,7 @@ def test_a_contour_along_the_edges_of_pixels_is_cut_once():
 def test_contours_are_imaged_by_the_lens_with_their_light():
     laser = Laser(divergence_deg=4.0)
     ends = np.array([[-0.01, 0.002, 0.015, 0.012]])
-    images, steps = image_contours(LENS, laser, contours(ends, [2e-7]))
+    images, steps, _ = image_contours(LENS, laser, contours(ends, [2e-7]))
     np.testing.assert_allclose(images, np.reshape(LENS.image_of(ends[0, ::2], ends[0, 1::2]), (1, 4), order="F"))
     gathered = LENS.pixel_tangent**2 * LENS.aperture_area_m2 * LENS.transmission
     np.testing.assert_allclose(steps, 2e-7 * laser.density_on_axis * gathered)
@@ -57,7 +62,7 @@ def test_behind_a_lens_that_bends_them_contours_are_chords_of_the_image():
     """A long one, a short one that stays whole, one through the whole field from the lidar's plane, and one beside it."""
     lens = Receiver(fov_deg=30.0, f_number=2.8, n_rows=48, n_cols=64, distortion=BrownConrady(k1=-0.5))
     ends = np.array([[-0.2, 0.1, 0.2, 0.15], [0.1, 0.1, 0.102, 0.101], [0.1, -0.15, 9e6, 3e6], [2.0, 2.0, 3.0, 2.0]])
-    images, steps = image_contours(lens, Laser(divergence_deg=60.0), contours(ends, [1.0, 2.0, 3.0, 4.0]))
+    images, steps, _ = image_contours(lens, Laser(divergence_deg=60.0), contours(ends, [1.0, 2.0, 3.0, 4.0]))
     steps = steps / steps.min()
     assert np.count_nonzero(np.isclose(steps, 2.0)) == 1
     on_image = (images[:, [0, 2]] > 1) & (images[:, [0, 2]] < 63) & (images[:, [1, 3]] > 1) & (images[:, [1, 3]] < 47)
@@ -79,7 +84,7 @@ def test_behind_a_lens_that_bends_them_contours_are_chords_of_the_image():
 
 
 def test_a_contour_to_the_lidars_plane_keeps_its_direction():
-    images, _ = image_contours(LENS, Laser(), contours([[0.0, 0.0, 3e7, 1e7]], [1.0]))
+    images, _, _ = image_contours(LENS, Laser(), contours([[0.0, 0.0, 3e7, 1e7]], [1.0]))
     along = images[0, 2:] - images[0, :2]
     assert along[1] / along[0] == pytest.approx(1.0 / 3.0)
 
@@ -92,7 +97,7 @@ def test_the_edge_of_a_narrow_beam_is_a_closed_contour(footprint, tmp_path):
         settings["pattern_file"] = str(tmp_path / "pattern.csv")
         np.savetxt(settings["pattern_file"], np.ones((4, 4)), delimiter=",")
     laser = Laser(divergence_deg=divergence, footprint=footprint, **settings)
-    ends, steps = image_contours(LENS, laser, NONE)
+    ends, steps, _ = image_contours(LENS, laser, NONE)
     x0, y0, x1, y1 = ((ends - [16.0, 12.0, 16.0, 12.0]) * LENS.pixel_tangent).T
     area, half = 0.5 * np.sum(x0 * y1 - x1 * y0), laser.half_width_tangent
     radius = np.hypot(x0, y0)

@@ -155,6 +155,7 @@ def test_a_second_round_replaces_the_rays_of_the_pixels_that_missed():
     surfaces, truth = [surface("target", GRATING)], truth_of(target=place((0.0, 0.0, 1000.0), attitude(4)))
     contours = scene.contours(surfaces, truth, 0.1)
     lines = ScanLines(LENS, BRIGHT, scene.extent(surfaces, truth), contours, scene.find_textures(surfaces, truth))
+    lines.lay(scene.find_fronts(lines.probes, surfaces, truth))
     rays = lines.rays
     first = scene.cast(rays, surfaces, truth, 1)
     first, is_unfinished = lines.take(first, optics.pixel_photons(first, BRIGHT, LENS))

@@ -9,7 +9,7 @@ _LEAST_DEPTH_M = 1e-6
 
 def contours(surfaces, truth, least_crease):
     """Return the rims, folds and creases of all surfaces."""
-    ends, steps, numbers = [], [], []
+    ends, steps, depths, numbers = [], [], [], []
     for number, surface in enumerate(surfaces):
         translation, matrix = truth.poses.place("lidar", surface.name)
         corners = surface.corners @ np.asarray(matrix).T + translation
@@ -32,8 +32,10 @@ def contours(surfaces, truth, least_crease):
             if step > 0.0:
                 ends.append(np.concatenate([_image(a, b), _image(b, a)]))
                 steps.append(step)
+                depths.append([1.0 / max(point[2], _LEAST_DEPTH_M) for point in (a, b)])
                 numbers.append(number)
-    return Contours(np.array(ends).reshape(-1, 4), np.array(steps), np.array(numbers, np.int16))
+    per_depth = np.array(depths).reshape(-1, 2)
+    return Contours(np.array(ends).reshape(-1, 4), np.array(steps), per_depth, np.array(numbers, np.int16))
 
 
 def _image(point, other):

@@ -1,0 +1,120 @@
+"""Probes: what they find hidden is behind something, and what is seen is not found hidden."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rso_lidar import optics, sampling
+from rso_lidar.optics import Laser, Receiver
+from rso_lidar.optics.rays.contour_images import cut_contours
+from rso_lidar.optics.rays.probes import count_probes, image_fronts, is_hidden, place_probes
+from tests.optics.bench_for_tests import box, place, plate, surface, truth_of
+
+ALL = np.ones((4, 6), np.int64)
+PER_SIDE, PIXEL = 3, 1e-3
+
+
+def fronts_of(depth_at, error=0.02, sides=ALL):
+    """Return the image of fronts (a, b, c) that `depth_at(x, y)` gives for points of the window [pixels]."""
+    point, pixel, weight = place_probes(sides, PER_SIDE, 0, 0, sides.shape[1])
+    assert len(np.unique(pixel)) == np.count_nonzero(sides)
+    np.testing.assert_allclose(np.bincount(pixel, weight, sides.size), sides.ravel())
+    x, y = point * PIXEL
+    direction = np.stack([x, y, np.ones_like(x)]) / np.sqrt(1.0 + x * x + y * y)
+    fronts = np.array([depth_at(*at) for at in point.T]).T
+    return image_fronts(sides, PER_SIDE, direction, np.ascontiguousarray(fronts), PIXEL / PER_SIDE, error)
+
+
+def wall(x, y):
+    """A wall that faces the lidar at 100 m."""
+    return 0.0, 0.0, 0.01
+
+
+def is_behind_found(image, x, y, depth_m):
+    """Return whether a point at a depth is found hidden."""
+    return is_hidden(x, y, 0.0, 0.0, 1.0 / depth_m, 0.0, image, PER_SIDE)
+
+
+def test_a_wall_hides_what_is_behind_it_and_nothing_else():
+    image = fronts_of(wall)
+    for x, y in ((1.1, 2.3), (3.0, 0.7), (5.5, 3.5)):
+        assert is_behind_found(image, x, y, 101.0)
+        assert is_behind_found(image, x, y, 100.002)  # 2 cm of 3.3 from probe to probe, and a slack of 2 % of these
+        for depth_m in (100.0001, 100.0, 99.0):
+            assert not is_behind_found(image, x, y, depth_m)
+
+
+def test_a_leaning_wall_hides_by_its_plane():
+    """z = 100 m + 2 x: far behind on one side, far in front on the other."""
+    image = fronts_of(lambda x, y: (-0.02, 0.0, 0.01))
+    for x in (0.5, 3.0, 5.5):
+        depth_m = 1.0 / (0.01 - 0.02 * x * PIXEL)
+        assert is_behind_found(image, x, 2.0, depth_m + 0.01)
+        assert not is_behind_found(image, x, 2.0, depth_m)
+
+
+def test_where_fronts_differ_only_what_is_well_behind_is_hidden():
+    """A step of 1 m from 100 to 101 m between two columns of probes: 15 % of their distance counts as behind."""
+    image = fronts_of(lambda x, y: (0.0, 0.0, 0.01 if x < 3.0 else 1.0 / 101.0))
+    assert not is_behind_found(image, 3.0, 2.0, 100.5)
+    assert not is_behind_found(image, 3.0, 2.0, 101.004)
+    assert is_behind_found(image, 3.0, 2.0, 101.006)
+    assert is_behind_found(image, 1.0, 2.0, 100.002)
+
+
+def test_nothing_is_hidden_beside_an_edge_or_outside_the_window():
+    image = fronts_of(lambda x, y: wall(x, y) if x < 3.0 else (0.0, 0.0, 0.0))
+    assert is_behind_found(image, 2.6, 2.0, 200.0)
+    for x in (2.9, 3.1, 4.0):
+        assert not is_behind_found(image, x, 2.0, 200.0)
+    for x, y in ((0.1, 2.0), (5.9, 2.0), (2.0, 0.1), (2.0, 3.9)):
+        assert not is_behind_found(image, x, y, 200.0)
+    uncovered = ALL.copy()
+    uncovered[2, 2] = 0
+    assert not is_behind_found(fronts_of(wall, sides=uncovered), 2.4, 2.5, 200.0)
+
+
+def test_an_almost_upright_facet_hides_nothing():
+    image = fronts_of(lambda x, y: (-25.0 * 0.01, 0.0, 0.01))
+    assert not is_behind_found(image, 2.0, 2.0, 200.0)
+
+
+def test_a_piece_is_hidden_as_a_whole_or_not():
+    """The hidden part of a contour that goes behind a wall is left out, pixel by pixel."""
+    image = fronts_of(lambda x, y: wall(x, y) if x < 3.0 else (0.0, 0.0, 0.0))
+    ends = np.array([[0.3, 1.5, 5.7, 1.5], [0.3, 2.5, 5.7, 2.5]])
+    per_depth = np.array([[1.0 / 150.0] * 2, [1.0 / 50.0] * 2])
+    starts, pieces, steps = cut_contours(ends, np.array([1.0, 2.0]), per_depth, (0, 4, 0, 6), image, PER_SIDE)
+    pixel = np.repeat(np.arange(24), np.diff(starts))
+    assert sorted(pixel[steps == 1.0] % 6) == [2, 3, 4, 5]  # the first of these is at the wall's edge
+    assert sorted(pixel[steps == 2.0] % 6) == [0, 1, 2, 3, 4, 5]
+    assert len(pieces) == 10
+
+
+def test_more_probes_for_less_error_and_fewer_for_many_pixels():
+    counts = [count_probes(np.ones((n, n), np.int64), 0.02) for n in (1, 12, 20, 100)]
+    assert counts == [4, 4, 3, 2]
+    assert [count_probes(np.ones((4, 4), np.int64), error) for error in (0.1, 0.05, 0.01, 0.005)] == [2, 2, 8, 16]
+
+
+@pytest.mark.parametrize("wide", [0.8, 3.0])
+def test_what_a_panel_hides_costs_no_rays(wide):
+    """Boxes behind a panel: with a narrow one they are seen beside it, and keep their light."""
+    lens = Receiver(fov_deg=2.5, f_number=2.8, n_rows=32, n_cols=32)
+    behind = np.concatenate([box(0.1, 2.0, 0.1) + np.array([x, 0.0, 0.0]) for x in np.arange(-1.0, 1.0, 0.13)])
+    targets = [surface("panel", plate(wide)), surface("boxes", behind)]
+    truth = truth_of(panel=place((0.01, 0.02, 150.0)), boxes=place((0.0, 0.0, 152.0)))
+    hits = sampling.cast_pixels(lens, Laser(), targets, truth)
+    alone = sampling.cast_pixels(lens, Laser(), targets[:1], truth)
+    seen = optics.pixel_photons(hits, Laser(), lens) * hits.weight
+    if wide > 2.0:
+        assert len(hits.rays.pixel) == len(alone.rays.pixel)
+        assert (hits.target == 0).all()
+    else:
+        area = 2.0 * 0.1 * 16 - sum(
+            0.8 * max(0.0, min(x + 0.05, 0.01 + 0.4 * 152 / 150) - max(x - 0.05, 0.01 - 0.4 * 152 / 150))
+            for x in np.arange(-1.0, 1.0, 0.13)
+        )
+        gathered = lens.aperture_area_m2 * lens.transmission * 0.3 / math.pi * Laser().density_on_axis / 151.95**4
+        assert seen[hits.target == 1].sum() == pytest.approx(area * gathered, rel=0.02)
