@@ -137,3 +137,44 @@ def is_hidden(x: float, y: float, dx: float, dy: float, w: float, dw: float, fro
                 if fronts[0, r, c] + fronts[1, r, c] * (right - c) + fronts[2, r, c] * (down - r) < least:
                     return False
     return True
+
+
+@kernel
+def find_unexpected(
+    point: np.ndarray,
+    ray: np.ndarray,
+    depth_m: np.ndarray,
+    first_row: int,
+    first_col: int,
+    fronts: np.ndarray,
+    per_side: int,
+) -> np.ndarray:
+    """Find the rays that meet what should be hidden: there the probes missed a gap.
+
+    Parameters
+    ----------
+    point : (col_row, ray) on the focal plane [pixels]
+    ray, depth_m : (hit) number of the ray, and z of what it meets [m]
+    first_row, first_col : the window's first pixel
+    fronts, per_side : as in `is_hidden`; nothing is unexpected if `per_side` is 0
+
+    Returns
+    -------
+    Whether each ray does (ray).
+    """
+    is_unexpected = np.zeros(point.shape[1], np.bool_)
+    if per_side > 0:
+        for h in range(len(ray)):
+            x, y = point[0, ray[h]] - first_col, point[1, ray[h]] - first_row
+            is_unexpected[ray[h]] = is_hidden(x, y, 0.0, 0.0, 1.0 / depth_m[h], 0.0, fronts, per_side)
+    return is_unexpected
+
+
+@kernel
+def distrust_fronts(fronts: np.ndarray, per_side: int, pixels: np.ndarray) -> None:
+    """Change fronts so that they hide nothing in some pixels (row, col) of the window."""
+    for row in range(pixels.shape[0]):
+        for col in range(pixels.shape[1]):
+            if pixels[row, col]:
+                top, left = max(row * per_side - 1, 0), max(col * per_side - 1, 0)
+                fronts[3, top : (row + 1) * per_side, left : (col + 1) * per_side] = np.inf

@@ -10,7 +10,7 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.rays.contour_images import GAUSSIAN_REACH, cut_contours, image_contours
 from rso_lidar.optics.rays.outlines import cover_pixels, image_bounds, image_outlines
-from rso_lidar.optics.rays.probes import count_probes, image_fronts, place_probes
+from rso_lidar.optics.rays.probes import count_probes, distrust_fronts, find_unexpected, image_fronts, place_probes
 from rso_lidar.optics.rays.slabs import CONTOUR, LINE, NOISE_SHARE, PAIR, TEXTURE, place_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
@@ -27,7 +27,7 @@ _DIM = 1e-3  # a pixel with less light, over the brightest, counts as if it had 
 _WIDE = 8.0  # pixels: half the width of a Gaussian beam whose light is nearly even within a pixel
 _MOST_PER_SIDE = 48  # rays
 # The label's variance over what is expected, fitted to the scenes of tests/physics/sampling_scenes.py:
-_PER_STEP, _PER_TEXTURE, _PER_TWIST = 0.65, 0.2, 0.2
+_PER_STEP, _PER_TEXTURE, _PER_TWIST, _PER_UNEXPECTED = 0.65, 0.2, 0.2, 0.1
 _BRIGHTER = 3.0  # squared step at most, over the one expected: a dim facet may hide a bright one
 _ERROR_OF_CELLS = 0.54  # see `_rays_per_side`
 _CONTRAST = 2.0  # assumed: spread of the light of cells of foil, over its mean
@@ -80,16 +80,20 @@ class ScanLines:
         fronts : (abc, probe) [1/m], what `probes` meet: 1/z = a x/z + b y/z + c on the plane of a facet, zeros for nothing;
             None without probes
         """
-        image, per_side, (rows, cols) = np.empty((4, 0, 0)), 0, self._window
+        self._fronts, per_side = np.empty((4, 0, 0)), 0
         if fronts is not None and self.probes is not None:
-            per_side = self._per_side
-            direction = packed(self.probes.direction.T)
-            apart = self._receiver.pixel_tangent / per_side
-            image = image_fronts(self._sides, per_side, direction, packed(fronts), apart, self._receiver.sampling_error)
-        window = rows.start, rows.stop, cols.start, cols.stop
-        self._pieces = cut_contours(*self._contours, window, image, per_side)
-        self._is_crossed = (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
+            per_side, error = self._per_side, self._receiver.sampling_error
+            apart, direction = self._receiver.pixel_tangent / per_side, packed(self.probes.direction.T)
+            self._fronts = image_fronts(self._sides, per_side, direction, packed(fronts), apart, error)
+        self._cut(per_side)
         self._place(self._sides, np.full(self._sides.shape, -1.0), _NARROW)
+
+    def _cut(self, per_side: int) -> None:
+        """Cut the contours that are not hidden into pieces."""
+        rows, cols = self._window
+        window = rows.start, rows.stop, cols.start, cols.stop
+        self._pieces = cut_contours(*self._contours, window, self._fronts, per_side)
+        self._is_crossed = (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
 
     def _aim(self, point: np.ndarray, pixel: np.ndarray, weight: np.ndarray, side: np.ndarray | None = None) -> Rays:
         """Aim rays at points (col_row, ray) of the focal plane [pixels]; the others are columns of `Rays`."""
@@ -113,7 +117,7 @@ class ScanLines:
             _STEEP * error,
             self._receiver.psf is None,  # a lens spreads light from where rays are: even light stays even
         )
-        self._follows = kind, change
+        self._follows, self._point = (kind, change), point
         self._variance = np.zeros(self._receiver.shape)
         self._variance[self._window] = known
         self.rays = self._aim(point, pixel, weight, side)
@@ -134,28 +138,46 @@ class ScanLines:
         rays = self.rays
         light = np.zeros(len(rays.pixel))
         light[hits.ray] = photons
+        is_unexpected = self._find_unexpected(hits)
         variance, (seen, total) = self._variance, np.zeros((2, *self._variance.shape))
         correct_variance(
             packed(rays.pixel),
             packed(rays.weight),
             *self._follows,
             light,
+            is_unexpected,
             variance.reshape(-1),
             seen.reshape(-1),
             total.reshape(-1),
-            (_PER_STEP, _PER_TEXTURE, _PER_TWIST),
+            (_PER_STEP, _PER_TEXTURE, _PER_TWIST, _PER_UNEXPECTED),
         )
         hits = replace(hits, photons_variance=variance)
         if before is not None:
             return _replace_pixels(before, hits), False
         if self._receiver.rays_per_pixel is not None:
             return hits, False
+        doubted = np.zeros(self._receiver.shape, np.bool_)
+        doubted.flat[rays.pixel[is_unexpected]] = True
+        self._is_crossed |= doubted[self._window]
         allowed = self._find_missed(variance[self._window], total[self._window])
         if not allowed.any():
             return hits, False
         allowed /= np.maximum(seen[self._window], 1e-3)
+        doubted = doubted[self._window] & (allowed > 0.0)
+        if doubted.any():  # here the probes were wrong, and all contours count
+            distrust_fronts(self._fronts, self._per_side, doubted)
+            self._cut(self._per_side)
         self._place(np.where(allowed > 0.0, self._sides, 0), allowed, _NARROW_AGAIN)
         return hits, True
+
+    def _find_unexpected(self, hits: Hits) -> np.ndarray:
+        """Find the rays (ray) that meet what should be hidden."""
+        rows, cols = self._window
+        depth_m = hits.range_m * self.rays.direction[hits.ray, 2]
+        per_side = self._per_side if self._fronts.size else 0
+        return find_unexpected(
+            packed(self._point), packed(hits.ray), depth_m, rows.start, cols.start, self._fronts, per_side
+        )
 
     def _find_missed(self, variance: np.ndarray, photons: np.ndarray) -> np.ndarray:
         """Choose the pixels of the second round; return the variance (row, col) that each may have, 0 for all others.
@@ -185,27 +207,30 @@ def correct_variance(
     kind: np.ndarray,
     change: np.ndarray,
     light: np.ndarray,
+    is_unexpected: np.ndarray,
     variance: np.ndarray,
     seen: np.ndarray,
     photons: np.ndarray,
-    calibration: tuple[float, float, float],
+    calibration: tuple[float, float, float, float],
 ) -> None:
     """Correct the variance of pixels by what their rays met.
 
     A hidden contour changes nothing: the variance due to contours is multiplied by the squared changes of light that were
     met from line to line, over those that were expected; in pixels of one line, by those along the line. In pixels
-    without contours, differences of light between rays and lines are added.
+    without contours, differences of light between rays and lines are added. Where a ray meets what should be hidden, the
+    contours of that were left out, and the light of the ray is known badly.
 
     Parameters
     ----------
     pixel, weight, kind, change : (ray) as `slabs.place_rays` returns them
     light : (ray) photons of a whole pixel that is as bright as the ray's hit
+    is_unexpected : (ray) whether it meets what should be hidden
     variance : (pixel), changed
     seen, photons : (pixel), written: by what the variance due to contours was multiplied, and the pixel's photons
-    calibration : variance over what is expected, over squared differences of neighbours, and over the squared twist of
-        four rays
+    calibration : variance over what is expected, over squared differences of neighbours, over the squared twist of four
+        rays, and over the squared light of rays that meet what should be hidden
     """
-    per_step, per_texture, per_twist = calibration
+    per_step, per_texture, per_twist, per_unexpected = calibration
     n, i = len(pixel), 0
     while i < n:
         first, total, uneven = i, 0.0, 0.0
@@ -216,6 +241,8 @@ def correct_variance(
             while i < n and pixel[i] == pixel[first] and (i == start or kind[i] != LINE):
                 photons_of_line += weight[i] * light[i]
                 height += weight[i]
+                if is_unexpected[i]:
+                    uneven += per_unexpected * (weight[i] * light[i]) ** 2
                 if kind[i] == CONTOUR:
                     met_along += (light[i] - light[i - 1]) ** 2
                     expected_along += change[i] ** 2
