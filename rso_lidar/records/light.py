@@ -36,7 +36,7 @@ class Contours(Record):
     step_per_sr_m2: np.ndarray = array(
         "contour", "f8", "sr-1 m-2", "change of BRDF times cosine of incidence over squared range"
     )
-    per_depth_per_m: np.ndarray = array("contour both", "f8", "m-1", "1/z of the first end, then of the second")
+    inverse_depth_per_m: np.ndarray = array("contour both", "f8", "m-1", "1/z of the first end, then of the second")
     surface: np.ndarray = array("contour", "i2", "1", "index of the surface")
 
 

@@ -37,7 +37,7 @@ def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tupl
     """
     gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
     steps = contours.step_per_sr_m2 * (laser.density_on_axis * gathered)
-    ends, per_depth = contours.ends, contours.per_depth_per_m
+    ends, per_depth = contours.ends, contours.inverse_depth_per_m
     edge, share = _outline_beam(laser, receiver)
     if len(edge):
         typical = float(np.median(steps)) if len(steps) else _BRIGHT

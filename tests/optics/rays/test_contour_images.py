@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.optics import BrownConrady, Laser, Receiver
-from rso_lidar.optics.rays.contour_images import cut_contours, image_contours
+from rso_lidar.optics.rays.contour_images import cut_contours, image_contours, image_straight
 from rso_lidar.records import Contours
 from tests.reference.optics import scan_lines as oracle
 
@@ -56,6 +56,12 @@ def test_contours_are_imaged_by_the_lens_with_their_light():
     np.testing.assert_allclose(images, np.reshape(LENS.image_of(ends[0, ::2], ends[0, 1::2]), (1, 4), order="F"))
     gathered = LENS.pixel_tangent**2 * LENS.aperture_area_m2 * LENS.transmission
     np.testing.assert_allclose(steps, 2e-7 * laser.density_on_axis * gathered)
+
+
+def test_ends_are_imaged_as_by_the_oracle():
+    ends = np.random.default_rng(4).normal(0.0, 1.0, (20, 4)) * 10.0 ** np.arange(-4.0, 16.0)[:, None]
+    expected = oracle.image_straight(ends, 1e-3, 16.0, 12.0)
+    np.testing.assert_allclose(image_straight(ends, 1e-3, 16.0, 12.0), expected, rtol=1e-12)
 
 
 def test_behind_a_lens_that_bends_them_contours_are_chords_of_the_image():

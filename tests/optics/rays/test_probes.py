@@ -7,9 +7,12 @@ import pytest
 
 from rso_lidar import optics, sampling
 from rso_lidar.optics import Laser, Receiver
+from rso_lidar.optics.rays import probes
 from rso_lidar.optics.rays.contour_images import cut_contours
 from rso_lidar.optics.rays.probes import count_probes, image_fronts, is_hidden, place_probes
 from tests.optics.bench_for_tests import box, place, plate, surface, truth_of
+from tests.reference.optics import probes as oracle
+from tests.reference.optics.exact_light import lattice_photons
 
 ALL = np.ones((4, 6), np.int64)
 PER_SIDE, PIXEL = 3, 1e-3
@@ -118,3 +121,57 @@ def test_what_a_panel_hides_costs_no_rays(wide):
         )
         gathered = lens.aperture_area_m2 * lens.transmission * 0.3 / math.pi * Laser().density_on_axis / 151.95**4
         assert seen[hits.target == 1].sum() == pytest.approx(area * gathered, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_probes_and_fronts_are_those_of_the_oracle(seed):
+    rng = np.random.default_rng(seed)
+    sides = rng.integers(0, 3, (4, 5))
+    per_side, error = 2 + seed % 3, (0.01, 0.02)[seed % 2]
+    found = place_probes(sides, per_side, 7, 9, 32)
+    for got, expected in zip(found, oracle.place_probes(sides, per_side, 7, 9, 32), strict=True):
+        np.testing.assert_allclose(got, expected, rtol=1e-12)
+    n = len(found[1])
+    direction = np.stack([*rng.normal(0.0, 0.05, (2, n)), np.ones(n)])
+    direction /= np.linalg.norm(direction, axis=0)
+    fronts = np.stack([*rng.normal(0.0, 0.05, (2, n)), np.full(n, 0.01)]) * rng.choice([0.0, 1.0], n, p=[0.1, 0.9])
+    fronts[:, :: 1 + seed % 2] = [[0.01], [0.0], [0.01]]  # one plane for all probes, or for every second
+    image = image_fronts(sides, per_side, direction, fronts, 1e-3, error)
+    np.testing.assert_allclose(image, oracle.image_fronts(sides, per_side, direction, fronts, 1e-3, error), rtol=1e-12)
+
+    x, y = rng.uniform(-0.2, 5.2, 300), rng.uniform(-0.2, 4.2, 300)
+    dx, dy = rng.normal(0.0, 0.4, (2, 300))
+    w, dw = 0.01 * (1.0 - rng.exponential(1e-3, 300)), 0.01 * rng.normal(0.0, 1e-4, 300)
+    hidden = [is_hidden(*piece, image, per_side) for piece in zip(x, y, dx, dy, w, dw, strict=True)]
+    expected = [oracle.is_hidden(*piece, image, per_side) for piece in zip(x, y, dx, dy, w, dw, strict=True)]
+    assert hidden == expected
+
+    point, ray = np.stack([x + 9.0, y + 7.0]), np.flatnonzero(rng.random(300) < 0.7)
+    for k in (0, per_side):
+        given = point, ray, 1.0 / w[ray], 7, 9, image, k
+        np.testing.assert_array_equal(probes.find_unexpected(*given), oracle.find_unexpected(*given))
+    doubted = rng.random(sides.shape) < 0.3
+    expected = oracle.distrust_fronts(image, per_side, doubted)
+    probes.distrust_fronts(image, per_side, doubted)
+    np.testing.assert_array_equal(image, expected)
+
+
+def test_what_is_seen_through_a_gap_is_sampled_with_its_contours():
+    """A slit of a third of a pixel between two panels, and booms behind it that all probes miss."""
+    lens = Receiver(fov_deg=2.5, f_number=2.8, n_rows=32, n_cols=32)
+    pixel_m = lens.pixel_tangent * 150.0
+    panel = plate(20.0 * pixel_m) * np.array([1.0, 0.5, 1.0])
+    shift = np.array([0.0, (5.0 + 1.0 / 6.0) * pixel_m, 0.0])
+    booms = np.concatenate(
+        [box(0.3 * pixel_m, pixel_m, 0.01) + np.array([x * pixel_m, 0.0, 0.0]) for x in range(-8, 8)]
+    )
+    targets = [surface("panels", np.concatenate([panel + shift, panel - shift])), surface("booms", booms)]
+    truth = truth_of(panels=place((0.0, 0.5 * pixel_m, 150.0)), booms=place((0.13 * pixel_m, 0.5 * pixel_m, 152.0)))
+    bright = Laser(energy_mj=1e6)
+    hits = sampling.cast_pixels(lens, bright, targets, truth)
+    true = lattice_photons(targets, truth, lens, bright, 4096)
+    got = np.bincount(hits.pixel, optics.pixel_photons(hits, bright, lens) * hits.weight, 32 * 32)
+    slit = np.zeros((32, 32), bool)
+    slit[16, 7:25] = True
+    off = math.sqrt(((got - true)[slit.ravel()] ** 2).mean()) / true[slit.ravel()].mean()
+    assert off < 0.02

@@ -249,16 +249,18 @@ PIXELS = {  # how rays follow each other, and the change of light that is expect
     8: [("line", 0.0), ("line", 1e-2)],
     9: [("line", 0.0)],
 }
-CALIBRATION = 0.35, 0.3, 0.1
+CALIBRATION = 0.35, 0.3, 0.1, 0.15
 
 
-def correct(pixels, weight, light, variance):
+def correct(pixels, weight, light, variance, is_unexpected=None):
     """Return the variance, the factor on it and the photons of pixels, whose numbers and rays are those of `PIXELS`."""
     rays = [ray for of in pixels.values() for ray in of]
     pixel = np.repeat(np.array([*pixels], np.int32), [len(of) for of in pixels.values()])
     kind, change = np.array([KINDS[name] for name, _ in rays], np.int8), np.array([change for _, change in rays])
     seen, photons, variance = np.zeros(10), np.zeros(10), np.array(variance)
-    scan_lines.correct_variance(pixel, weight, kind, change, light, variance, seen, photons, CALIBRATION)
+    if is_unexpected is None:
+        is_unexpected = np.zeros(len(rays), np.bool_)
+    scan_lines.correct_variance(pixel, weight, kind, change, light, is_unexpected, variance, seen, photons, CALIBRATION)
     return pixel, variance, seen, photons
 
 
@@ -271,11 +273,13 @@ def test_what_rays_met_corrects_the_variance(seed):
         rng.uniform(0.0, 3.0, len(rays)),
         rng.uniform(0.5, 1.0, 10),
     )
-    pixel, *got = correct(PIXELS, weight, light, before)
+    is_unexpected = rng.random(len(rays)) < 0.2
+    pixel, *got = correct(PIXELS, weight, light, before, is_unexpected)
     for p in range(10):
         of, expected = pixel == p, (before[p], 0.0, 0.0)
         if of.any():
-            expected = oracle.correct_variance(weight[of], kind[of], change[of], light[of], before[p], CALIBRATION)
+            columns = (values[of] for values in (weight, kind, change, light, is_unexpected))
+            expected = oracle.correct_variance(*columns, before[p], CALIBRATION)
         np.testing.assert_allclose([values[p] for values in got], expected, rtol=1e-12)
     assert got[1][8] == pytest.approx(3.0 * 0.35)  # 100 times the change that is expected counts as the root of 3
 

@@ -111,14 +111,20 @@ def estimate_meeting(pieces, steps, gap, row, height):
     return (min(steps) * np.trapezoid(behind, off)) ** 2
 
 
-def correct_variance(weight, kind, change, light, variance, calibration):
+def image_straight(ends, pixel_tangent, middle_col, middle_row):
+    """Return column and row of both ends (contour, 4); an end over 1e6 from the boresight is moved toward it."""
+    far = np.maximum(np.abs(ends.reshape(-1, 2)).max(axis=1, keepdims=True) / 1e6, 1.0)
+    return (ends.reshape(-1, 2) / far / pixel_tangent + [middle_col, middle_row]).reshape(-1, 4)
+
+
+def correct_variance(weight, kind, change, light, is_unexpected, variance, calibration):
     """Return the variance of one pixel, the factor on what contours are expected to leave, and the pixel's photons.
 
     Parameters
     ----------
-    weight, kind, change, light : (ray); kinds are "line", "contour", "pair" and "texture"
+    weight, kind, change, light, is_unexpected : (ray); kinds are "line", "contour", "pair" and "texture"
     variance : as expected
-    calibration : factors of changes at contours, in textures, and of the twist of four rays
+    calibration : factors of changes at contours, in textures, of the twist of four rays, and of unexpected light
     """
     begin = np.flatnonzero(kind == "line")
     height = np.add.reduceat(weight, begin)
@@ -132,7 +138,8 @@ def correct_variance(weight, kind, change, light, variance, calibration):
         factor = (between_rays[of_rays] ** 2).sum() / (change[of_rays] ** 2).sum()
     factor = calibration[0] * min(factor, 3.0)
     is_texture = kind == "texture"
-    uneven = calibration[1] * ((weight * between_rays)[is_texture] ** 2).sum()
+    uneven = calibration[3] * ((weight * light)[is_unexpected] ** 2).sum()
+    uneven += calibration[1] * ((weight * between_rays)[is_texture] ** 2).sum()
     if is_texture.any():
         is_even = change[begin[1:]] == 0.0
         uneven += (((between_lines * height)[1:][is_even]) ** 2).sum() / 12.0

@@ -26,8 +26,10 @@ def assert_same(found, expected, rtol):
     np.testing.assert_array_equal(found.surface[nearest], expected.surface)
     np.testing.assert_allclose(found.step_per_sr_m2[nearest], expected.step_per_sr_m2, rtol=rtol)
     is_turned = both[1][np.arange(len(nearest)), nearest] < both[0][np.arange(len(nearest)), nearest]
-    depths = np.where(is_turned[:, None], found.per_depth_per_m[nearest][:, ::-1], found.per_depth_per_m[nearest])
-    np.testing.assert_allclose(depths, expected.per_depth_per_m, rtol=1e-9)
+    depths = np.where(
+        is_turned[:, None], found.inverse_depth_per_m[nearest][:, ::-1], found.inverse_depth_per_m[nearest]
+    )
+    np.testing.assert_allclose(depths, expected.inverse_depth_per_m, rtol=1e-9)
 
 
 @pytest.mark.parametrize("least_crease", [1e-3, 0.1, 2.0])

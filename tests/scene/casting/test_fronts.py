@@ -8,6 +8,7 @@ from rso_lidar import scene
 from rso_lidar.optics import Laser, Receiver, pixel_rays
 from rso_lidar.records import Rays
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
+from tests.reference.scene import fronts as oracle
 
 LENS = Receiver(fov_deg=4, f_number=2.8, n_rows=64, n_cols=64, rays_per_pixel=4, min_rays_per_target=0)
 
@@ -31,6 +32,7 @@ def test_on_its_plane_a_front_is_as_far_as_what_the_ray_meets(seed):
     assert met.any() and not met.all()
     np.testing.assert_allclose(per_depth[hits.ray], 1.0 / (hits.range_m * z[hits.ray]), rtol=1e-9)
     assert not fronts[:, ~met].any()
+    np.testing.assert_allclose(fronts, oracle.find_fronts(rays, targets, truth), rtol=1e-6, atol=1e-9)
 
 
 def test_a_front_goes_on_as_its_plane():
