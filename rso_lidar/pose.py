@@ -258,6 +258,7 @@ class PoseTree(Mapping[str, Link]):
     def __init__(self, parents: Mapping[str, str], links: Mapping[str, Link]) -> None:
         self._parents = dict(parents)
         self._links = dict(links)
+        self._places: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]] = {}  # those that were asked for
 
     def __getitem__(self, name: str) -> Link:
         return self._links[name]
@@ -293,7 +294,13 @@ class PoseTree(Mapping[str, Link]):
         return pose(translation, Rotation.from_matrix(matrix, assume_valid=True))
 
     def place(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return a_from_b as translation [m] (…, 3) and rotation matrix (…, 3, 3): faster than `pose`."""
+        """Return a_from_b as translation [m] (…, 3) and rotation matrix (…, 3, 3), read-only: faster than `pose`."""
+        if (found := self._places.get((a, b))) is None:
+            found = self._places[a, b] = self._find_place(a, b)
+        return found
+
+    def _find_place(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray]:
+        """Compose the links between two nodes."""
         up, down = self._path(a, b)
         translation, matrix = np.zeros(3), np.eye(3)
         for name in up:
@@ -309,6 +316,7 @@ class PoseTree(Mapping[str, Link]):
                 translation + rotate_vectors(matrix, link.translation_m),
                 np.matmul(matrix, link.matrix),
             )
+        translation.flags.writeable = matrix.flags.writeable = False
         return translation, matrix
 
     def link(self, a: str, b: str) -> Link:

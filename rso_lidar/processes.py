@@ -149,12 +149,17 @@ def call_in_background(
 ) -> Iterator[Callable[..., Callable[[], Any]]]:
     """Yield a function that starts a call in the background and returns a function that waits for its result.
 
+    With one thread, the call is made where its result is waited for.
+
     Parameters
     ----------
     function : called with the arguments of the yielded one
     count : number of threads or processes
     in_processes : whether processes work instead of threads
     """
+    if not in_processes and count == 1:
+        yield lambda *given, **chosen: partial(function, *given, **chosen)
+        return
     if not in_processes:
         with ThreadPoolExecutor(count) as threads:
             yield lambda *given, **chosen: threads.submit(function, *given, **chosen).result

@@ -91,32 +91,26 @@ class Hits(Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bounces(Record):
-    """Paths of light that meet two surfaces: each joins a hit to a second point, and light takes it both ways.
+    """Paths of light that meet two surfaces or more: each joins a hit to an end, and light takes it both ways.
 
-    Inward, light comes from the laser by the second point and leaves from the hit, into the hit's pixel. Outward, it comes
-    by the hit and leaves from the second point, into that point's pixel. Both are relative to the irradiance [m-2] across
+    Inward, light comes from the laser by the end and leaves from the hit, into the hit's pixel. Outward, it comes
+    by the hit and leaves from the end, into that point's pixel. Both are relative to the irradiance [m-2] across
     the beam at the first point. Outward light is so for a hit that the lens sees under its share of a pixel's area.
     `pixel_share` is that share, the same for all paths.
     """
 
     pixel_share: float
     hit: np.ndarray = array("path", "i4", "1", "index of the hit where the path begins, never falling")
-    direction: np.ndarray = array(
-        "path xyz", "f8", "1", "unit vector from the lidar to the second point, in lidar axes"
-    )
-    range_m: np.ndarray = array("path", "f8", "m", "distance of the second point from the lidar")
-    between_m: np.ndarray = array("path", "f8", "m", "distance of the second point from the hit")
-    inward_per_sr: np.ndarray = array(
-        "path", "f8", "sr-1", "BRDF times cosine that the light by the second point amounts to"
-    )
-    outward_per_sr: np.ndarray = array(
-        "path", "f8", "sr-1", "BRDF times cosine of the light that leaves by the second point"
-    )
+    direction: np.ndarray = array("path xyz", "f8", "1", "unit vector from the lidar to the end, in lidar axes")
+    range_m: np.ndarray = array("path", "f8", "m", "distance of the end from the lidar")
+    between_m: np.ndarray = array("path", "f8", "m", "way from the hit to the end, by the points between them")
+    inward_per_sr: np.ndarray = array("path", "f8", "sr-1", "BRDF times cosine that the light by the end amounts to")
+    outward_per_sr: np.ndarray = array("path", "f8", "sr-1", "BRDF times cosine of the light that leaves by the end")
     reverse_density: np.ndarray = array(
         "path",
         "f8",
         "1",
-        "density of the same path drawn from its second point, over its own; 0 where the lens does not see that point",
+        "density of the same path drawn from its end, over its own; 0 where the lens does not see that point",
     )
 
 

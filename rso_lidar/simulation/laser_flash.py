@@ -53,7 +53,8 @@ def flash(
             hits = scene.add_earthshine(hits, surfaces, at, scenario.world.earth_albedo, threads)
         bounces = None
         if lidar.bounces > 1:
-            bounces = scene.bounce(hits, surfaces, at, draw_key(rng), threads, laser_from_m=laser.offset)
+            key = draw_key(rng)
+            bounces = scene.bounce(hits, surfaces, at, key, threads, laser_from_m=laser.offset, most=lidar.bounces)
         photons = optics.collect(hits, laser, receiver, late_s, bounces)
         by_epoch.append((hits, photons))
         if receiver.has_stray_light:

@@ -12,6 +12,7 @@ per unit of that area.
 import importlib.metadata
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from tests.peers.scenes_for_tests import SCENES, Scene
 
 KEPT = Path(__file__).with_name("mitransient.npz")
 NEAR_M = 0.01  # the renderer counts a path from the near plane, not from the lens
+DEEPEST = 6  # bounces, which the renderer calls paths of depth 7
 SEEDS = (1, 2)  # rendered twice: how much the two differ is the renderer's noise
 
 
@@ -88,6 +90,8 @@ def main(path: Path, keys: list[str]) -> None:
         kept |= {f"{key}_{seed}": rendered(scene, seed) for seed in SEEDS} | {f"{key}_check": scene.check}
         if scene.bounces > 1:  # the light of the first bounce alone, without its delay, seed by seed
             kept[f"{key}_first"] = np.stack([rendered(scene, seed, 1).sum(axis=2) for seed in SEEDS])
+            deep = replace(scene, bounces=DEEPEST)
+            kept[f"{key}_deep"] = np.stack([rendered(deep, seed).sum(axis=2) for seed in SEEDS])
     versions = [f"{name} {importlib.metadata.version(name)}" for name in ("mitransient", "mitsuba", "drjit")]
     np.savez_compressed(path, made_by=np.array(versions), **kept)
 

@@ -41,8 +41,8 @@ class Scene:
         reach = float(np.abs(self.triangles[..., 2]).max())
         start = math.floor(2.0 * (self.distance_m - reach) - 1.0)
         aslant = 1.0 / math.cos(math.radians(self.fov_deg))
-        if self.bounces > 1:  # the longest second leg, as if straight across the sphere about everything
-            aslant += float(np.linalg.norm(self.triangles, axis=2).max()) / self.distance_m
+        # The longest further legs, as if straight across the sphere about everything.
+        aslant += (self.bounces - 1) * float(np.linalg.norm(self.triangles, axis=2).max()) / self.distance_m
         return float(start), math.ceil((2.0 * (self.distance_m + reach) * aslant + 1.0 - start) / self.bin_m)
 
     @property

@@ -1,4 +1,4 @@
-"""The light of the second bounce alone, pixel by pixel, against mitransient: the difference of paths of two depths."""
+"""Light that meets two surfaces, pixel by pixel, and up to six, against mitransient: differences of paths of two depths."""
 
 import math
 
@@ -8,7 +8,7 @@ import pytest
 from rso_lidar.optics import collect
 from rso_lidar.scene import Lambertian, bounce
 from tests.optics.bench_for_tests import place, see, surface, truth_of
-from tests.peers.render import KEPT
+from tests.peers.render import DEEPEST, KEPT
 from tests.peers.scenes_for_tests import BOUNCES
 from tests.peers.test_mitransient import parts
 
@@ -20,8 +20,8 @@ EDGE = 0.003  # of the brightest pixel: a grid of 64 x 64 rays misjudges the are
 WORST_SIGMA = 4.5  # of some 200 pixels: passed by chance once in a thousand runs
 
 
-def ours(scene):
-    """Return the photons of the second bounce (key, row, col), and the number of all those of the first."""
+def ours(scene, most=2):
+    """Return the photons of all bounces but the first (key, row, col), and the number of all those of the first."""
     receiver, laser = parts(scene)
     target = [surface("target", scene.triangles, Lambertian(reflectance=scene.reflectance))]
     truth = truth_of(target=place((0, 0, scene.distance_m)))
@@ -30,14 +30,14 @@ def ours(scene):
     alone = np.bincount(of_hits.pixel, of_hits.photons, scene.n**2)
     images = []
     for k in KEYS:
-        bounces = bounce(hits, target, truth, np.array([k, 16], np.uint32), 1, n_paths=PATHS)
+        bounces = bounce(hits, target, truth, np.array([k, 16], np.uint32), 1, n_paths=PATHS, most=most)
         photons = collect(hits, laser, receiver, bounces=bounces)
         images.append(np.bincount(photons.pixel, photons.photons, scene.n**2) - alone)
     return np.array(images).reshape(-1, scene.n, scene.n), alone.sum()
 
 
-def theirs(key, scene):
-    """Return the same photons as the renderer has them (seed, row, col)."""
+def theirs(key, scene, *, deep=False):
+    """Return the same photons as the renderer has them (seed, row, col): of two bounces, or of `DEEPEST`."""
     receiver, laser = parts(scene)
     side = receiver.pixel_tangent
     beam = laser.photons / (2.0 * math.tan(math.radians(scene.divergence_deg) / 2)) ** 2
@@ -45,7 +45,7 @@ def theirs(key, scene):
     per_radiance = beam * receiver.aperture_area_m2 * receiver.transmission * side**2
     with np.load(KEPT) as kept:
         first = kept[f"{key}_first"]
-        both = np.stack([kept[f"{key}_{seed}"].sum(axis=2) for seed in (1, 2)])
+        both = kept[f"{key}_deep"] if deep else np.stack([kept[f"{key}_{seed}"].sum(axis=2) for seed in (1, 2)])
     return (both - first) * per_radiance * (1.0 + at[:, None] ** 2 + at**2) ** -2
 
 
@@ -66,6 +66,21 @@ def test_second_bounce_of_every_pixel(validation, key):
     joint = np.sqrt(sum(pooled(error, mean) ** 2 for error in errors) + (EDGE * mean.max()) ** 2)
     off = np.abs(our.mean(axis=0) - mean) / joint
     assert off.max() < WORST_SIGMA, f"pixel {np.unravel_index(off.argmax(), off.shape)} is off by {off.max():.3g} sigma"
+
+
+@pytest.mark.parametrize("key", BOUNCES)
+def test_light_of_six_bounces(validation, key):
+    scene = BOUNCES[key]()
+    (our, first), their = ours(scene, DEEPEST), theirs(key, scene, deep=True)
+    total = their.sum() / len(their)
+    validation(
+        case=f"{scene.name}: photons of the second to the sixth bounce, {total / first:.1%} of those of the first",
+        source="mitransient 1.3.1, paths of depth 7 less those of depth 2",
+        expected=total,
+        got=our.sum() / len(our),
+        tolerance=TOTAL * total,
+        unit="photons",
+    )
 
 
 def pooled(error, mean):

@@ -72,6 +72,36 @@ def test_sphere_from_inside(validation):
     )
 
 
+@pytest.mark.parametrize("shift_m", [(0.0, 0.0, 0.0), (1.0, 2.0, 0.5)])
+def test_further_bounces_inside_a_sphere(validation, shift_m):
+    """After the first, each bounce lights the whole sphere evenly, wherever the lidar is: each has rho of the one before."""
+    rho, keys, most = 0.6, 4, (1, 2, 3, 4, 6)
+    target = [surface("target", sphere(5.0, 4), Lambertian(reflectance=rho))]
+    receiver = Receiver(fov_deg=60.0, f_number=2.8, n_rows=16, n_cols=16, rays_per_pixel=64)
+    laser, truth = Laser(divergence_deg=60.0), truth_of(target=place(shift_m))
+    hits = see(target, truth, receiver, laser).hits
+    light = np.empty((keys, len(most)))
+    for key in range(keys):
+        for column, n in enumerate(most):
+            words = np.array([key, 3], np.uint32)
+            bounces = bounce(hits, target, truth, words, 1, n_paths=6_000, most=n) if n > 1 else None
+            light[key, column] = collect(hits, laser, receiver, bounces=bounces).photons.sum()
+    second, third, fourth, fifth_and_sixth = np.diff(light, axis=1).T
+    for name, got, expected in (
+        ("third bounce over the second", third / second, rho),
+        ("fourth bounce over the third", fourth / third, rho),
+        ("fifth and sixth bounce over the fourth", fifth_and_sixth / fourth, rho + rho**2),
+    ):
+        validation(
+            case=f"lidar in a sphere, {math.hypot(*shift_m):.1f} m beside its middle: {name}",
+            source="each point of a sphere lights all others evenly",
+            expected=expected,
+            got=got.mean(),
+            tolerance=4.5 * got.std(ddof=1) / math.sqrt(keys) + 2e-3,
+            unit="1",
+        )
+
+
 @pytest.mark.parametrize("exponent", [200.0, 20_000.0])
 def test_mirror_lights_a_wall(validation, exponent):
     """A mirror at 45 degrees sends the beam across to a wall; the wall's light comes by the mirror as well.

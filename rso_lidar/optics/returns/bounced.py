@@ -1,4 +1,4 @@
-"""Light that meets two surfaces: photons of second bounces, added to those of the first."""
+"""Light that meets two surfaces or more: photons of further bounces, added to those of the first."""
 
 import numpy as np
 
@@ -15,24 +15,24 @@ LEAST_COSINE = 1e-3  # nearer to edge-on the depth spread only has to stay finit
 def add_bounced_light(
     light: Light, direct: np.ndarray, hits: Hits, bounces: Bounces, laser: Laser, receiver: Receiver
 ) -> Light:
-    """Add the light of second bounces to that of the hits.
+    """Add the light of further bounces to that of the hits.
 
     Inward light of a path arrives in the pixel of its hit, as `collect` computes it: the irradiance is that at the path's
-    second point. Outward light is the beam's light on the share of the hit's area for which the path stands. It arrives in
-    the pixel that sees the second point. A path of pixel share w from a hit at R₁, with the irradiances E₁ and E₂ across the
+    end. Outward light is the beam's light on the share of the hit's area for which the path stands. It arrives in
+    the pixel that sees the end. A path of pixel share w from a hit at R₁, with the irradiances E₁ and E₂ across the
     beam, brings
 
         inward   N = m w (p/f)² cos³θ₁ · E₂ · inward_per_sr · A cos θ₁ η,
         outward  N = m w (p/f)² cos³θ₁ R₁² · E₁ · outward_per_sr · A cos θ₂ η / R₂².
 
     Each is weighted by m, the density with which the path is drawn from the hit over the sum of that and the density with
-    which it is drawn from its second point. The latter is zero where no ray goes to that point.
+    which it is drawn from its end. The latter is zero where no ray goes to that point.
 
     Parameters
     ----------
     direct : (hit) photons of each hit, lit or not
     hits : first facets that rays meet
-    bounces : paths from these hits to second points
+    bounces : paths from these hits to their ends
 
     Returns
     -------

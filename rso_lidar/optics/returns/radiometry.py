@@ -37,7 +37,7 @@ def collect(
     laser : the laser of this pulse
     receiver : the lens and the focal plane
     late_s : how late the pulse left, against the receiver's clock [s]
-    bounces : paths from these hits to second points (None: light that meets two surfaces is left out)
+    bounces : paths from these hits to further points (None: light that meets two surfaces or more is left out)
 
     Returns
     -------

@@ -95,7 +95,7 @@ def cast_surfaces(
     hits = sampling.cast_pixels(receiver, lidar.laser, surfaces, truth, 1)
     paths = None
     if lidar.bounces > 1:
-        paths = scene.bounce(hits, surfaces, truth, _PATHS_KEY, 1, laser_from_m=lidar.laser.offset)
+        paths = scene.bounce(hits, surfaces, truth, _PATHS_KEY, 1, laser_from_m=lidar.laser.offset, most=lidar.bounces)
     light = optics.collect(hits, lidar.laser, receiver, bounces=paths)
     mine = hits.target[light.hit] == number
     pixel = np.unique(light.pixel[mine])

@@ -54,12 +54,12 @@ class Lidar(Part):
     laser: Laser = Field(default=Laser(), description="Laser.")
     receiver: Receiver = Field(description="Lens and focal plane.")
     detector: AnyDetector = Field(default_factory=Gsfl, description="Detector: photons to range and intensity.")
-    bounces: Annotated[Whole, Field(ge=1, le=2)] = Field(
+    bounces: Annotated[Whole, Field(ge=1, le=16)] = Field(
         default=1,
         description=(
-            "Number of surfaces that light may meet on its way. With 1, the laser alone lights each surface. With 2, "
-            "paths from the laser by two surfaces to the lens are added, with their own delay (docs/physics.md). "
-            "`check` estimates what the second bounce adds."
+            "Number of surfaces that light may meet on its way. With 1, the laser alone lights each surface. With 2 or "
+            "more, paths from the laser by two or more surfaces to the lens are added, with their own delay "
+            "(docs/physics.md). `check` estimates what the second bounce adds."
         ),
     )
     schedule: Schedule | None = Field(

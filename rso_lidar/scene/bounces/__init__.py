@@ -1,1 +1,1 @@
-"""Light from surface to surface: paths of the laser's light that meet two surfaces before the lens."""
+"""Light from surface to surface: paths of the laser's light that meet two surfaces or more before the lens."""

@@ -1,18 +1,20 @@
-"""Second bounces: paths from the hits of a flash to further points of the surfaces, with the light that takes them.
+"""Bounces: paths from the hits of a flash to further points of the surfaces, with the light that takes them.
 
 The laser and the lens are in one place, or nearly. Light therefore takes a path between two points both ways. Each path
 begins at a hit, in a direction drawn from the lobe of its material or by the cosine. It ends where that ray first meets a
-surface. From there a shadow ray goes to the laser, and another to the lens where the two are apart. Inward light comes from
-the laser by the path's end and leaves from the hit; this is path tracing. Outward light comes by the hit and leaves from
-the path's end; this is light tracing. The same light is found in two ways: from either of its two points. Multiple
-importance sampling by the balance heuristic weighs the two (Veach and Guibas, "Optimally combining sampling techniques for
-Monte Carlo rendering", SIGGRAPH 1995), so that a narrow lobe at either point adds little noise.
+surface. From there a shadow ray goes to the laser, and another to the lens where the two are apart. A longer path goes on
+from there in the same way. Inward light comes from the laser by the path's end and leaves from the hit; this is path
+tracing. Outward light comes by the hit and leaves from the path's end; this is light tracing. The same light is found in two
+ways: from either end of its path. Multiple importance sampling by the balance heuristic weighs the two (Veach and Guibas,
+"Optimally combining sampling techniques for Monte Carlo rendering", SIGGRAPH 1995), so that a narrow lobe at either end adds
+little noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,11 +23,11 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.parallel import run_in_threads
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import Bounces, Hits, Truth
-from rso_lidar.scene.bounces.path_starts import number_facets, start_paths
+from rso_lidar.scene.bounces.path_starts import draw_numbers, number_facets, start_paths
 from rso_lidar.scene.bounces.scattering import LEAST_COSINE, find_lobes, localize_points, scatter_per_sr
 from rso_lidar.scene.bounces.segments import find_segments
 from rso_lidar.scene.casting.first_hits import split_by_surface
-from rso_lidar.scene.casting.local_hits import LocalHits, dot, rotate
+from rso_lidar.scene.casting.local_hits import LocalHits, dot, face_viewer, rotate
 from rso_lidar.scene.casting.shadows import find_shadowed
 from rso_lidar.scene.materials.lobe import direction_density, draw_directions
 from rso_lidar.scene.surfaces.surface import Surface
@@ -46,8 +48,9 @@ def bounce(
     *,
     laser_from_m: ArrayLike | None = None,
     n_paths: int | None = None,
+    most: int = 2,
 ) -> Bounces:
-    """Draw paths of light from the hits of a flash to second points of the surfaces.
+    """Draw paths of light from the hits of a flash to further points of the surfaces.
 
     Parameters
     ----------
@@ -61,10 +64,11 @@ def bounce(
     ----------------
     laser_from_m : (xyz), position of the laser in lidar axes [m]; None or zeros is in the lens
     n_paths : number of paths that begin (None: half of the hits, at least 3000)
+    most : surfaces that light meets at most; each path ends at its second, third, ... point, as often as light can
 
     Returns
     -------
-    The paths that join two points which light can take; those that meet nothing, or nothing lit, are left out.
+    The paths that light can take, one for each end; those that meet nothing, or nothing lit, are left out.
     """
     surfaces = tuple(surfaces)
     laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
@@ -72,7 +76,11 @@ def bounce(
     direction = hits.rays.direction[hits.ray]
     wanted = max(int(len(number) / HITS_PER_PATH), FEWEST_PATHS) if n_paths is None else n_paths
     hit, uniform, share = start_paths(hits, _can_send(surfaces, truth, number, facet, direction), key, wanted)
-    paths = _Paths(hits, surfaces, truth, laser, number[hit], facet[hit], direction[hit], hit, uniform)
+    numbers = np.empty((most - 1, 3, len(hit)))
+    numbers[:1] = uniform
+    for turn in range(1, most - 1):
+        draw_numbers(packed(hits.pixel[hit]), key, turn, numbers[turn])
+    paths = _Paths(hits, surfaces, truth, laser, number[hit], facet[hit], direction[hit], hit, numbers)
     bands = [np.arange(a, min(a + _BAND_PATHS, len(hit))) for a in range(0, len(hit), _BAND_PATHS)]
     run_in_threads(threads, paths.follow, bands)
     return paths.collect(share)
@@ -98,8 +106,29 @@ def _can_send(
     return can
 
 
+class _Light(NamedTuple):
+    """What paths have met before the point from which they go on (path).
+
+    `inward` and `outward` are the products of BRDF and cosine over density at all points before. `reverse` is the
+    density of drawing the path from its other end over that of drawing it from the hit, except for the range and the
+    cosines of both ends. `length_m` is the way from the hit [m].
+    """
+
+    inward: np.ndarray
+    outward: np.ndarray
+    reverse: np.ndarray
+    length_m: np.ndarray
+
+    def only(self, some: np.ndarray) -> _Light:
+        """Return that of a selection of the paths."""
+        return _Light(*(values[some] for values in self))
+
+
 class _Paths:
-    """The paths of one flash while they are followed, band by band; each band fills its own entries of the results."""
+    """The paths of one flash while they are followed, band by band; each band fills its own entries of the results.
+
+    Results are (turn, path): those of a path that ends at its second point, at its third, and so on.
+    """
 
     def __init__(
         self,
@@ -111,7 +140,7 @@ class _Paths:
         facet: np.ndarray,
         direction: np.ndarray,
         hit: np.ndarray,
-        uniform: np.ndarray,
+        numbers: np.ndarray,
     ) -> None:
         """Prepare the paths.
 
@@ -119,79 +148,133 @@ class _Paths:
         ----------
         hits, surfaces, truth, laser_from_m : as for `bounce`
         number, facet, direction : (path) of the hit where each path begins
-        hit, uniform : as `start_paths` returns them
+        hit : as `start_paths` returns it
+        numbers : (turn, 3, path) from 0 to 1, for the direction from each point of the paths
         """
         self.hits, self.surfaces, self.truth, self.laser_from_m = hits, surfaces, truth, laser_from_m
-        self.number, self.facet, self.direction, self.hit, self.uniform = number, facet, direction, hit, uniform
-        n = len(hit)
-        self.end = np.zeros((n, 3))
-        self.range_m, self.between_m = np.zeros(n), np.zeros(n)
-        self.inward, self.outward, self.reverse = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.number, self.facet, self.direction, self.hit, self.numbers = number, facet, direction, hit, numbers
+        shape = len(numbers), len(hit)
+        self.first_seen, self.first_m = np.zeros(len(hit)), hits.range_m[hit]
+        self.end = np.zeros((*shape, 3))
+        self.range_m, self.between_m = np.zeros(shape), np.zeros(shape)
+        self.inward, self.outward, self.reverse = np.zeros(shape), np.zeros(shape), np.zeros(shape)
 
     def follow(self, band: np.ndarray) -> None:
         """Follow the paths numbered `band`."""
         for k, on in split_by_surface(self.number[band], len(self.surfaces)):
-            self._leave(k, band[on])
+            path = band[on]
+            place = self.direction[path], self.facet[path], self.first_m[path]
+            starts = localize_points(self.surfaces, k, self.truth, *place)
+            self.first_seen[path] = dot(starts.facing, starts.to_viewer)
+            nothing = _Light(np.ones(len(path)), np.ones(len(path)), np.ones(len(path)), np.zeros(len(path)))
+            self._leave(0, path, starts, nothing)
 
-    def _leave(self, k: int, path: np.ndarray) -> None:
-        """Follow paths from one surface to where they end."""
-        range_m = self.hits.range_m[self.hit[path]]
-        starts = localize_points(self.surfaces, k, self.truth, self.direction[path], self.facet[path], range_m)
+    def _leave(self, turn: int, path: np.ndarray, starts: LocalHits, light: _Light) -> None:
+        """Follow paths from points of one surface to where they end, and on from there."""
         lobes = find_lobes(starts)
-        about = packed(lobes), packed(starts.base), packed(starts.normal), packed(starts.to_viewer)
-        toward = draw_directions(packed(self.uniform[:, path]), *about)
-        density = direction_density(toward, *about)
+        about = packed(lobes), packed(starts.base), packed(starts.normal)
+        toward = draw_directions(packed(self.numbers[turn][:, path]), *about, packed(starts.to_viewer))
+        density = direction_density(toward, *about, packed(starts.to_viewer))
         begins = (dot(starts.facing, toward) > 0.0) & (density > 0.0)
         segments = find_segments(starts, toward, begins)
         arrived = np.flatnonzero(segments.number >= 0)
-        place, turn = self.truth.poses.place("lidar", self.surfaces[k].name)
         for end, of in split_by_surface(segments.number[arrived], len(self.surfaces)):
             on = arrived[of]
             there = starts.point[:, on] + segments.length_m[on] * toward[:, on]
-            there = place[:, None] + rotate((place, turn), there)
-            away_m = np.sqrt(dot(there, there))
-            direction = (there / away_m).T
-            ends = localize_points(self.surfaces, end, self.truth, direction, segments.facet[on], away_m)
-            self.end[path[on]], self.range_m[path[on]] = direction, away_m
-            self.between_m[path[on]] = segments.length_m[on]
-            self._join(path[on], starts.only(on), ends, toward[:, on], density[on], range_m[on])
+            passed = self._pass(turn, path[on], starts.only(on), toward[:, on], density[on], light.only(on))
+            length_m = passed.length_m + segments.length_m[on]
+            self._arrive(turn, path[on], starts, end, segments.facet[on], there, toward[:, on], passed, length_m)
 
-    def _join(
+    def _pass(
         self,
+        turn: int,
         path: np.ndarray,
-        starts: LocalHits,
-        ends: LocalHits,
+        points: LocalHits,
         toward: np.ndarray,
         density: np.ndarray,
-        range_m: np.ndarray,
-    ) -> None:
-        """Compute the light of paths between two surfaces.
+        light: _Light,
+    ) -> _Light:
+        """Return the light of paths behind points that they leave in drawn directions.
 
         Parameters
         ----------
-        toward : (xyz, path) direction from the start to the end, in the axes of the surface where they start
-        density : (path) with which it was drawn [1/sr]
-        range_m : (path) range of the start [m]
+        points : as the point before sees them, the first ones as the lens does
+        toward : (xyz, path) unit vectors, in the surface's axes
+        density : (path) with which they were drawn [1/sr]
         """
-        back = -rotate(self.truth.poses.place(ends.surface.name, starts.surface.name), toward)
-        end_range_m = self.range_m[path]
-        start_leaving, end_leaving = dot(starts.facing, toward), dot(ends.facing, back)
-        start_seen, end_seen = dot(starts.facing, starts.to_viewer), dot(ends.facing, ends.to_viewer)
-        beside = bool(self.laser_from_m.any())
-        start_laser, end_laser = starts.to_viewer, ends.to_viewer
-        end_laser_m = end_range_m
-        if beside:
-            start_laser, _ = self._to_laser(starts)
-            end_laser, end_laser_m = self._to_laser(ends)
-        out_of_start = scatter_per_sr(starts, toward, starts.to_viewer)
-        out_of_end = scatter_per_sr(ends, back, ends.to_viewer)
-        into_start = scatter_per_sr(starts, start_laser, toward) if beside else out_of_start
-        into_end = scatter_per_sr(ends, end_laser, back) if beside else out_of_end
-        inward = out_of_start * _cosine(starts.base, toward) * into_end * _cosine(ends.base, end_laser) / density
+        leaving, seen = dot(points.facing, toward), dot(points.facing, points.to_viewer)
+        source, reverse = points.to_viewer, light.reverse
+        if turn == 0 and self.laser_from_m.any():
+            source, _ = self._to_laser(points)
+        out_of = scatter_per_sr(points, toward, points.to_viewer)
+        into = out_of if source is points.to_viewer else scatter_per_sr(points, source, toward)
         # Interpolated normals change the cosine of the light that comes in, not that of the area it leaves (Veach 1996).
-        lit = _cosine(starts.base, start_laser) * start_leaving / np.maximum(start_seen, LEAST_COSINE)
+        lit = _cosine(points.base, source) * leaving / np.maximum(seen, LEAST_COSINE)
+        if turn > 0:
+            lobes = find_lobes(points)
+            about = packed(lobes), packed(points.base), packed(points.normal), packed(toward)
+            reverse = reverse * direction_density(packed(points.to_viewer), *about) / np.maximum(seen, LEAST_COSINE)
+        return _Light(
+            light.inward * out_of * _cosine(points.base, toward) / density,
+            light.outward * into * lit / density,
+            reverse * leaving / density,
+            light.length_m,
+        )
+
+    def _arrive(
+        self,
+        turn: int,
+        path: np.ndarray,
+        starts: LocalHits,
+        end: int,
+        facet: np.ndarray,
+        there: np.ndarray,
+        toward: np.ndarray,
+        light: _Light,
+        length_m: np.ndarray,
+    ) -> None:
+        """Join the points where paths arrive to the laser and the lens, and let longer paths go on.
+
+        Parameters
+        ----------
+        end, facet : number of the surface where they arrive, and of its facets (path)
+        there, toward : (xyz, path) the points [m] and the directions to them, in the axes of the surface that they leave
+        length_m : (path) way from the hit [m]
+        """
+        place = self.truth.poses.place("lidar", starts.surface.name)
+        away = place[0][:, None] + rotate(place, there)
+        range_m = np.sqrt(dot(away, away))
+        direction = (away / range_m).T
+        ends = localize_points(self.surfaces, end, self.truth, direction, facet, range_m)
+        along = rotate(self.truth.poses.place(ends.surface.name, starts.surface.name), toward)
+        self.end[turn, path], self.range_m[turn, path], self.between_m[turn, path] = direction, range_m, length_m
+        self._join(turn, path, ends, -along, light, range_m)
+        if turn + 1 < len(self.numbers):
+            cosine = np.abs(dot(ends.surface.planes[:3, facet], along))
+            onward = face_viewer(self.surfaces, end, self.truth, facet, ends.point, along, cosine)
+            self._leave(turn + 1, path, onward, light._replace(length_m=length_m))
+
+    def _join(
+        self, turn: int, path: np.ndarray, ends: LocalHits, back: np.ndarray, light: _Light, end_range_m: np.ndarray
+    ) -> None:
+        """Compute the light of paths that end.
+
+        Parameters
+        ----------
+        ends : as the lens sees them
+        back : (xyz, path) direction to the point before, in the surface's axes
+        end_range_m : (path) distance of the ends from the lidar [m]
+        """
+        end_leaving, end_seen = dot(ends.facing, back), dot(ends.facing, ends.to_viewer)
+        beside = bool(self.laser_from_m.any())
+        end_laser, end_laser_m = ends.to_viewer, end_range_m
+        if beside:
+            end_laser, end_laser_m = self._to_laser(ends)
+        out_of_end = scatter_per_sr(ends, back, ends.to_viewer)
+        into_end = scatter_per_sr(ends, end_laser, back) if beside else out_of_end
+        inward = light.inward * into_end * _cosine(ends.base, end_laser)
         left = _cosine(ends.base, back) * end_seen / np.maximum(end_leaving, LEAST_COSINE)
-        outward = into_start * lit * out_of_end * left / density
+        outward = light.outward * out_of_end * left
         if beside:
             outward[self.hits.cos_incidence[self.hit[path]] <= 0.0] = 0.0
         hidden = np.zeros(len(path), bool)
@@ -203,11 +286,11 @@ class _Paths:
             inward[hidden] = 0.0
         lobes = find_lobes(ends)
         about = packed(lobes), packed(ends.base), packed(ends.normal), packed(ends.to_viewer)
-        reverse = direction_density(packed(back), *about) * start_leaving * end_seen * range_m**2
-        forward = density * end_leaving * start_seen * end_range_m**2
+        reverse = light.reverse * direction_density(packed(back), *about) * end_seen * self.first_m[path] ** 2
+        forward = end_leaving * self.first_seen[path] * end_range_m**2
         is_seen = ~hidden & (forward > 0.0) & (reverse > 0.0)
-        self.inward[path], self.outward[path] = inward, outward
-        self.reverse[path] = np.where(is_seen, reverse / np.where(forward > 0.0, forward, 1.0), 0.0)
+        self.inward[turn, path], self.outward[turn, path] = inward, outward
+        self.reverse[turn, path] = np.where(is_seen, reverse / np.where(forward > 0.0, forward, 1.0), 0.0)
 
     def _to_laser(self, points: LocalHits) -> tuple[np.ndarray, np.ndarray]:
         """Return the unit vectors (xyz, path) to the laser, in the surface's axes, and its distance (path) [m]."""
@@ -217,17 +300,17 @@ class _Paths:
         return away / distance_m, distance_m
 
     def collect(self, share: float) -> Bounces:
-        """Return the paths with light."""
-        lit = np.flatnonzero((self.inward > 0.0) | (self.outward > 0.0))
+        """Return the paths with light, ordered by their hit."""
+        path, turn = np.nonzero(((self.inward > 0.0) | (self.outward > 0.0)).T)
         return Bounces(
             pixel_share=share,
-            hit=self.hit[lit],
-            direction=self.end[lit],
-            range_m=self.range_m[lit],
-            between_m=self.between_m[lit],
-            inward_per_sr=self.inward[lit],
-            outward_per_sr=self.outward[lit],
-            reverse_density=self.reverse[lit],
+            hit=self.hit[path],
+            direction=self.end[turn, path],
+            range_m=self.range_m[turn, path],
+            between_m=self.between_m[turn, path],
+            inward_per_sr=self.inward[turn, path],
+            outward_per_sr=self.outward[turn, path],
+            reverse_density=self.reverse[turn, path],
         )
 
 

@@ -25,7 +25,7 @@ class LocalHits:
     truth : where they are
     target_from_lidar : position and rotation of the lidar in these axes
     facet : number of the facet (hit)
-    point, to_viewer : where the hit is [m], and the unit vector from there to the lidar
+    point, to_viewer : where the hit is [m], and the unit vector from there to the viewer: the lidar, if nothing else is said
     facing : normal of the facet
     base, base_cos_out : normal, interpolated on smooth parts, and its cosine with the direction to the viewer
     normal, cos_out : the normal that the BRDF gets, on crinkled foil that of a cell, and its cosine
@@ -106,10 +106,36 @@ def localize_hits(
     -------
     the hits in the surface's axes.
     """
-    surface = surfaces[number]
-    target_from_lidar = truth.poses.place(surface.name, "lidar")
+    target_from_lidar = truth.poses.place(surfaces[number].name, "lidar")
     along = rotate(target_from_lidar, direction.T)
     point = target_from_lidar[0][:, None] + range_m * along
+    return face_viewer(surfaces, number, truth, facet, point, along, cosine)
+
+
+def face_viewer(
+    surfaces: Sequence[Surface],
+    number: int,
+    truth: Truth,
+    facet: np.ndarray,
+    point: np.ndarray,
+    along: np.ndarray,
+    cosine: np.ndarray,
+) -> LocalHits:
+    """Express points on one surface as they are seen from anywhere.
+
+    Parameters
+    ----------
+    truth : where the surfaces are
+    facet : (hit), number of the facet
+    point, along : (xyz, hit), the points [m], and unit vectors from the viewer to them, in the surface's axes
+    cosine : as for `localize_hits`
+
+    Returns
+    -------
+    the hits in the surface's axes; `to_viewer` goes to that viewer.
+    """
+    surface = surfaces[number]
+    target_from_lidar = truth.poses.place(surface.name, "lidar")
     plane = np.stack([surface.planes[axis][facet] for axis in range(3)])
     side = np.where(dot(plane, along) > 0.0, -1.0, 1.0)
     facing = side * plane

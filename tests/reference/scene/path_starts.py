@@ -1,4 +1,4 @@
-"""Starts of paths in Python: the oracle of `rso_lidar.scene.bounces.path_starts.spread_paths`."""
+"""Starts of paths in Python: the oracle of `rso_lidar.scene.bounces.path_starts`."""
 
 import numpy as np
 
@@ -20,3 +20,10 @@ def spread_paths(pixel, area, per_pixel, key):
         step = np.arange(count.sum())[None] * ROOT ** -np.array([[1.0], [2.0], [3.0]])
         uniform.append((shift[1:, None] + step) % 1.0)
     return np.concatenate(hit), np.concatenate(uniform, axis=1)
+
+
+def draw_numbers(pixel, key, turn):
+    """Return three numbers from 0 to 1 (3, path) for the direction number `turn` of each path."""
+    place = [k - list(pixel).index(number) for k, number in enumerate(pixel)]
+    words = [blocks(key, turn, at, number, PATHS)[:3] for at, number in zip(place, pixel, strict=True)]
+    return (np.array(words, float).reshape(-1, 3).T + 0.5) / 2.0**32

@@ -6,7 +6,7 @@ import pytest
 from rso_lidar.kernels import packed
 from rso_lidar.optics import Laser, Receiver, pixel_rays
 from rso_lidar.scene import cast, engine, extent
-from rso_lidar.scene.bounces.path_starts import number_facets, spread_paths, start_paths
+from rso_lidar.scene.bounces.path_starts import draw_numbers, number_facets, spread_paths, start_paths
 from rso_lidar.scene.casting.first_hits import find_first_hits
 from tests.optics.bench_for_tests import box, place, sphere, surface, truth_of
 from tests.reference.scene import path_starts as reference
@@ -56,3 +56,12 @@ def test_facets_are_found_by_their_number_in_the_file():
     number, facet = number_facets(hits, targets)
     np.testing.assert_array_equal(number, first.number)
     np.testing.assert_array_equal(facet, first.facet)
+
+
+def test_numbers_of_further_directions_are_those_of_their_address():
+    pixel, key = np.array([3, 3, 3, 7, 9, 9], np.int32), np.array([5, 6], np.uint32)
+    found = {turn: np.empty((3, 6)) for turn in (1, 2)}
+    for turn, numbers in found.items():
+        draw_numbers(pixel, key, turn, numbers)
+        np.testing.assert_array_equal(numbers, reference.draw_numbers(pixel, key, turn))
+    assert len(np.unique(np.concatenate([*found.values()]))) == 36
