@@ -137,10 +137,17 @@ def _list_gsfl(gsfl: Gsfl, pulse: LaserPulse, wavelength_m: float) -> list[Camer
     if gsfl.gate is None:
         threshold = gsfl.trigger.threshold_electrons
         figures += [
-            ("threshold_electrons", "threshold", threshold, "electrons", _SETTING, "after the APD, above the baseline"),
+            (
+                "threshold_electrons",
+                "threshold, electrons",
+                threshold,
+                "electrons",
+                _SETTING,
+                "after the APD, above the baseline",
+            ),
             (
                 "threshold_photons",
-                "photons that peak at the threshold",
+                "threshold, photons at the peak",
                 threshold / per_photon,
                 "photons",
                 _CLOSED_FORM,
@@ -247,7 +254,12 @@ def _list_false_alarms(detector: AnyDetector, n_pixels: int) -> Iterator[CameraF
         yield CameraFigure("false_alarms_per_s", pixel, detector.false_alarms_per_s, "1/s", _SETTING)
     if isinstance(detector, GeigerArray):
         rate = float(detector.false_peak_probability(np.zeros(1))[0]) / (detector.pulses * detector.gate_s)
-        yield CameraFigure("false_alarms_per_s", pixel, rate, "1/s", _CLOSED_FORM, formula="per second of open gate")
+        yield CameraFigure("false_alarms_per_gate_s", "false alarms, second of gate", rate, "1/s", _CLOSED_FORM)
     if math.isfinite(to_m):
-        each = float(false_alarm_probability(detector, np.array([to_m]))[0]) * n_pixels
-        yield CameraFigure("false_alarms_per_frame", frame, each, "", _CLOSED_FORM)
+        share = float(false_alarm_probability(detector, np.array([to_m]))[0])
+        if not isinstance(detector, Gsfl | Empirical | GeigerArray) and not detector.traits.is_gated and share < 1.0:
+            armed_s = (to_m - detector.traits.sees_from_m) / units.RANGE_PER_DELAY_M_S
+            one_rate = "from the share of pixels that report one, as if all had one rate"
+            rate = -math.log1p(-share) / armed_s
+            yield CameraFigure("false_alarms_per_s", pixel, rate, "1/s", "its own", formula=one_rate)
+        yield CameraFigure("false_alarms_per_frame", frame, share * n_pixels, "", _CLOSED_FORM)

@@ -226,8 +226,8 @@ def _search_by_trials(detector: AnyDetector, pulse: LaserPulse, wanted: np.ndarr
     share = _try_levels(detector, pulse, photons, n).detected.reshape(_FINE, n).mean(axis=1)
     rising = isotonic_regression(share).x  # light does not make a return less likely
     bounds = np.array([wilson_interval(value, n, CONFIDENCE) for value in rising])
-    found = [_cross(photons, curve, wanted) for curve in (rising, bounds[:, 1], bounds[:, 0])]
-    return DetectionPhotons(wanted, *found, f"{_FINE} x {n:,} trials")
+    value, low, high = (_cross(photons, curve, wanted) for curve in (rising, bounds[:, 1], bounds[:, 0]))
+    return DetectionPhotons(wanted, value, low, high, f"{_FINE} x {n:,} trials")
 
 
 def _cross(photons: np.ndarray, rising: np.ndarray, wanted: np.ndarray) -> np.ndarray:

@@ -232,13 +232,12 @@ def _list_ranging(lidar: Lidar, certain: float, full: float, trials: int) -> Ite
     how = f"{curve.trials:,} trials"
     for level, (name, photons) in enumerate(lights.items()):
         at = f"at {format_photons(photons)} photons"
-        for key, meaning, value, error in (
+        for key, meaning, values_m, errors_m in (
             ("range_sigma", "range sigma", curve.range_sigma_m, curve.range_sigma_error_m),
             ("range_bias", "range bias", curve.range_bias_m, curve.range_bias_error_m),
         ):
-            half = _NORMAL_95 * float(error[level])
-            mean = float(value[level])
-            yield CameraFigure(f"{key}_{name}_m", f"{meaning} {at}", mean, "m", how, mean - half, mean + half)
+            value, half = float(values_m[level]), _NORMAL_95 * float(errors_m[level])
+            yield CameraFigure(f"{key}_{name}_m", f"{meaning} {at}", value, "m", how, value - half, value + half)
         if np.isfinite(curve.snr[level]):
             yield CameraFigure(
                 f"snr_{name}", f"SNR {at}", float(curve.snr[level]), "", "closed form", formula="as amplitudes"
@@ -249,7 +248,7 @@ def _list_ranging(lidar: Lidar, certain: float, full: float, trials: int) -> Ite
             half = _NORMAL_95 * ratio / math.sqrt(2.0 * curve.trials)
             yield CameraFigure(
                 f"intensity_snr_{name}",
-                f"intensity SNR {at}",
+                f"SNR of counts {at}",
                 ratio,
                 "",
                 how,
@@ -264,13 +263,11 @@ def _list_ranging(lidar: Lidar, certain: float, full: float, trials: int) -> Ite
             detector, pulse, levels, pixels=curve.trials, range_m=place_plate_m(detector.traits, pulse)
         )
         error_m = _NORMAL_95 * float(np.nanmax(walk.noise_m)) / math.sqrt(curve.trials)
-        value = walk.half_walk_m
-        formula = (
-            f"half the span of the median range error from {format_photons(certain)} to {format_photons(to)} photons"
-        )
-        yield CameraFigure(
-            "range_walk_m", "range walk, ±", value, "m", how, max(value - error_m, 0.0), value + error_m, formula
-        )
+        half_m = walk.half_walk_m
+        span = f"from {format_photons(certain)} to {format_photons(to)} photons"
+        formula = f"half the span of the median range error {span}"
+        low_m, high_m = max(half_m - error_m, 0.0), half_m + error_m
+        yield CameraFigure("range_walk_m", "range walk, ±", half_m, "m", how, low_m, high_m, formula)
 
 
 def _choose_levels(half: float, full: float, threshold: float) -> np.ndarray:

@@ -77,7 +77,7 @@ def write_data_sheet_page(
 
 def _list_levels(curve: LightCurve) -> list[tuple[str, ...]]:
     """Return the rows of the curve over light."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for k, photons in enumerate(curve.photons.tolist()):
         sigma, error, closed, bias, off = (
             float(values[k]) / units.CM
