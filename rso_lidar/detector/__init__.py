@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.analysis.finding import at_least, estimate_k_of_n, k_of_n
     from rso_lidar.detector.analysis.preset_constants import describe_foreign_constants, list_assumed_settings
     from rso_lidar.detector.analysis.reported_light import mark_reports
+    from rso_lidar.detector.analysis.threshold import solve_threshold
     from rso_lidar.detector.analysis.user_detector import Detector, check_traits
     from rso_lidar.detector.bench.camera_figures import CameraFigure, list_camera_figures
     from rso_lidar.detector.bench.light_curve import (
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.settings.algorithm import Ranging
     from rso_lidar.detector.settings.amplifier import Amplifier
     from rso_lidar.detector.settings.apd import Apd
+    from rso_lidar.detector.settings.data_sheet import DataSheet
     from rso_lidar.detector.settings.empirical import Empirical
     from rso_lidar.detector.settings.focal_plane import (
         Bloom,
@@ -65,6 +67,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.settings.gsfl import Gsfl
     from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
     from rso_lidar.detector.settings.readout import LowGain, Readout
+    from rso_lidar.detector.settings.threshold_condition import ThresholdCondition
     from rso_lidar.detector.settings.traits import DetectorTraits
     from rso_lidar.detector.settings.trigger import Trigger
     from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
@@ -82,6 +85,7 @@ __all__ = [
     "Bloom",
     "CameraFigure",
     "Crosstalk",
+    "DataSheet",
     "Defects",
     "DescribedDetector",
     "DetectionPhotons",
@@ -103,6 +107,7 @@ __all__ = [
     "Saturation",
     "Speckle",
     "Surroundings",
+    "ThresholdCondition",
     "Timing",
     "Trial",
     "Trigger",
@@ -145,6 +150,7 @@ __all__ = [
     "simulate_light_curve",
     "simulate_separations",
     "simulate_walk_curve",
+    "solve_threshold",
 ]
 
 __dir__ = limit_dir(__name__)

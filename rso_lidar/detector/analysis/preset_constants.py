@@ -17,11 +17,14 @@ from rso_lidar.part import Part
 _REFERENCE_PULSE_NS, _REFERENCE_WAVELENGTH_NM = 8.0, 1064.0
 _WITHIN = 0.01  # relative difference that counts as none
 _ASSUMED = re.compile(r"Default: (derived|assumed|solved|fitted|computed)|; assumed\b")
-_SOLVED = (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons"))
+SOLVED_CONSTANTS = {
+    ("amplifier", "noise_electrons"): "amplifier noise",
+    ("trigger", "threshold_electrons"): "threshold",
+}
 
 
-def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m: float) -> str:
-    """Describe constants of a preset that were solved for another instrument, and what differs here.
+def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m: float) -> list[str]:
+    """Describe constants of a detector that were solved or stated for another instrument, and what differs here.
 
     Parameters
     ----------
@@ -31,23 +34,31 @@ def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m
 
     Returns
     -------
-    str
-        One line; empty where the constants are the user's own, or nothing differs.
+    list of str
+        A line for the constants of a preset, and one for a data sheet of another wavelength; none where nothing differs.
     """
-    if not isinstance(detector, Gsfl) or detector.gate is not None:
-        return ""
-    kept = [key for part, key in _SOLVED if _is_of_preset(detector, part, key)]
-    if not kept:
-        return ""
+    if not isinstance(detector, Gsfl):
+        return []
+    lines = []
+    kept = [words for (part, key), words in SOLVED_CONSTANTS.items() if is_of_preset(detector, part, key)]
     apart = list(_list_differences(detector, pulse, wavelength_m))
-    if not apart:
-        return ""
-    names = {"noise_electrons": "amplifier noise", "threshold_electrons": "threshold"}
-    what = " and ".join(names[key] for key in kept)
-    return f"{what} of {detector.preset} {'is' if len(kept) == 1 else 'are'} solved for {', '.join(apart)}"
+    if kept and apart and detector.gate is None:
+        verb = "is" if len(kept) == 1 else "are"
+        lines.append(
+            f"{' and '.join(kept)} of preset {detector.preset} {verb} solved for {', '.join(apart)}; state yours in "
+            "data_sheet, or add solve = { pd = 0.95, photons = 1000 }"
+        )
+    laser_nm = wavelength_m / units.NM
+    sheet_nm = laser_nm if detector.data_sheet is None else detector.data_sheet.wavelength_nm or laser_nm
+    if not math.isclose(sheet_nm, laser_nm, rel_tol=_WITHIN):
+        lines.append(
+            f"responsivity and NEP of the data sheet hold at {sheet_nm:g} nm, and the laser has {laser_nm:g} nm; "
+            "correct one of them"
+        )
+    return lines
 
 
-def _is_of_preset(gsfl: Gsfl, part: str, key: str) -> bool:
+def is_of_preset(gsfl: Gsfl, part: str, key: str) -> bool:
     """Return whether a constant has the value of the detector's preset."""
     return bool(getattr(getattr(gsfl, part), key) == DETECTOR_PRESETS[gsfl.preset][key])
 
@@ -85,7 +96,7 @@ def list_assumed_settings(detector: object) -> list[str]:
         return []
     places = list(_iterate_assumed(detector, ""))
     if isinstance(detector, Gsfl):
-        solved = [f"{part}.{key}" for part, key in _SOLVED if _is_of_preset(detector, part, key)]
+        solved = [f"{part}.{key}" for part, key in SOLVED_CONSTANTS if is_of_preset(detector, part, key)]
         places += [place for place in solved if place not in places]
     return places
 

@@ -14,7 +14,6 @@ from rso_lidar.detector.chain.camera import draw_camera_pixels
 from rso_lidar.detector.detection import AnyDetector, false_alarm_probability
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.ranging.pulse import LaserPulse, Pulse
-from rso_lidar.detector.settings.apd import cumulants
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 
@@ -88,9 +87,8 @@ def _list_gsfl(gsfl: Gsfl, pulse: LaserPulse, wavelength_m: float) -> list[Camer
     """List the noise, the threshold and the saturation of the full chain."""
     apd, amplifier, readout = gsfl.apd, gsfl.amplifier, gsfl.readout
     responsivity = gsfl.quantum_efficiency * units.ELEMENTARY_CHARGE_C / units.photon_energy_j(wavelength_m)
-    dark_a = units.ELEMENTARY_CHARGE_C * math.sqrt(2.0 * cumulants(apd)[1] * apd.dark_electrons_per_s)
     amplifier_a = amplifier.noise_a_per_sqrt_hz
-    nep = math.hypot(amplifier_a, dark_a) / (apd.gain * responsivity)
+    nep = math.hypot(amplifier_a, apd.dark_noise_a_per_sqrt_hz) / (apd.gain * responsivity)
     peak = Pulse.after(pulse.step_s, pulse.power_per_s, amplifier.pole_s, amplifier.integration_s).peak
     per_photon = gsfl.electrons_per_photon * peak
     noise_photons, clipped = gsfl.noise_electrons / per_photon, readout.clip_counts * readout.electrons_per_count
