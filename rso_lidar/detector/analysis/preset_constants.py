@@ -35,7 +35,8 @@ def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m
     Returns
     -------
     list of str
-        A line for the constants of a preset, and one for a data sheet of another wavelength; none where nothing differs.
+        A line for the constants of a preset, one for assumed defaults, and one for a data sheet of another wavelength; none
+        where nothing differs from the instrument for which the presets are solved.
     """
     if not isinstance(detector, Gsfl):
         return []
@@ -48,6 +49,8 @@ def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m
             f"{' and '.join(kept)} of preset {detector.preset} {verb} solved for {', '.join(apart)}; state yours in "
             "data_sheet, or add solve = { pd = 0.95, photons = 1000 }"
         )
+    if apart and (assumed := list_assumed_settings(detector)):
+        lines.append(f"defaults of the package, not of a camera: {', '.join(assumed)}; state those of yours")
     laser_nm = wavelength_m / units.NM
     sheet_nm = laser_nm if detector.data_sheet is None else detector.data_sheet.wavelength_nm or laser_nm
     if not math.isclose(sheet_nm, laser_nm, rel_tol=_WITHIN):
