@@ -95,8 +95,8 @@ class BuiltGsfl(BuiltDetector):
         of_preset = any(is_of_preset(gsfl, part, key) for part, key in SOLVED_CONSTANTS)
         kind = f"gsfl {gsfl.preset}" if of_preset else "gsfl, own constants"
         lines = [
-            f"detector    {kind}: QE {gsfl.quantum_efficiency:g}, gain {apd.gain:g} (F "
-            f"{apd.excess_noise_factor:.2f}), dark {apd.dark_current_na:g} nA, amplifier {amplifier.bandwidth_mhz:g} MHz "
+            f"detector    {kind}: QE {gsfl.quantum_efficiency:.4g}, gain {apd.gain:g} (F "
+            f"{apd.excess_noise_factor:.2f}), dark {apd.dark_current_na:g} nA, amplifier {amplifier.bandwidth_mhz:.4g} MHz "
             f"and {amplifier.noise_electrons:.0f} electrons, {readout.samples} samples of {readout.sample_ns:g} ns, "
             f"{gsfl.ranging.algorithm}"
         ]
