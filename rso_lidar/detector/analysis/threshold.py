@@ -53,8 +53,8 @@ def _solve(gsfl: Gsfl, condition: ThresholdCondition, pulse: LaserPulse) -> Gsfl
     def miss_detection(log_electrons: float) -> float:
         assert condition.photons is not None
         light = np.array([condition.photons])
-        found = predict_gsfl(set_threshold(log_electrons), pulse, light, np.zeros(1), only_probability=True)
-        return float(ndtri(np.clip(found.probability[0], 1e-15, 1.0 - 1e-15)) - ndtri(condition.pd))
+        seen = predict_gsfl(set_threshold(log_electrons), pulse, light, np.zeros(1), only_probability=True)
+        return float(ndtri(np.clip(seen.probability[0], 1e-15, 1.0 - 1e-15)) - ndtri(condition.pd))
 
     def miss_rate(log_electrons: float) -> float:
         assert condition.false_alarms_per_s is not None

@@ -118,13 +118,13 @@ def simulate_light_curve(
     for level, (first, last) in enumerate(zip(np.cumsum(hits) - hits, np.cumsum(hits), strict=True)):
         reports = slice(int(first), int(last))
         if last - first >= _FEWEST_REPORTS:
-            one = Trial(trial.detected[:0], trial.range_error_m[reports], trial.intensity_counts[reports])
-            columns["range_sigma_m"][level], columns["range_bias_m"][level] = one.range_noise_m, one.range_bias_m
+            seen = Trial(trial.detected[:0], trial.range_error_m[reports], trial.intensity_counts[reports])
+            columns["range_sigma_m"][level], columns["range_bias_m"][level] = seen.range_noise_m, seen.range_bias_m
             root = math.sqrt(last - first)
-            columns["range_sigma_error_m"][level] = _QUARTILES * one.range_noise_m / root
-            columns["range_bias_error_m"][level] = float(one.range_error_m.std()) / root
-            columns["intensity_counts"][level] = float(one.intensity_counts.mean())
-            columns["intensity_sigma_counts"][level] = float(one.intensity_counts.std())
+            columns["range_sigma_error_m"][level] = _QUARTILES * seen.range_noise_m / root
+            columns["range_bias_error_m"][level] = float(seen.range_error_m.std()) / root
+            columns["intensity_counts"][level] = float(seen.intensity_counts.mean())
+            columns["intensity_sigma_counts"][level] = float(seen.intensity_counts.std())
     intervals = np.array([wilson_interval(share, n, CONFIDENCE) for share in hits / n])
     closed = _try_closed_form(detector, pulse, photons)
     return LightCurve(
@@ -242,7 +242,13 @@ def _cross(photons: np.ndarray, rising: np.ndarray, wanted: np.ndarray) -> np.nd
 
 
 def place_plate_m(traits: DetectorTraits, pulse: LaserPulse) -> float:
-    """Return the least range of a plate of a trial [m]: near the begin of an armed window, in the middle of a gate."""
+    """Return the least range of a plate of a trial [m]: near the begin of an armed window, in the middle of a gate.
+
+    Parameters
+    ----------
+    traits : of the detector, which state when it looks
+    pulse : the laser's pulse, whose begin must not fall before the window
+    """
     middle_m = 0.5 * (traits.sees_from_m + min(traits.sees_to_m, 1e6)) - 0.5
     if traits.is_gated:
         return middle_m

@@ -61,9 +61,9 @@ class DataSheet(Part):
 
     @model_validator(mode="after")
     def _check_words(self) -> Self:
-        for one, other in (("noise_bandwidth_mhz", "rise_time_ns"), ("noise_pa_per_sqrt_hz", "nep_w_per_sqrt_hz")):
-            if getattr(self, one) is not None and getattr(self, other) is not None:
-                raise ValueError(f"{one} and {other} determine the same; leave one out")
+        for first, second in (("noise_bandwidth_mhz", "rise_time_ns"), ("noise_pa_per_sqrt_hz", "nep_w_per_sqrt_hz")):
+            if getattr(self, first) is not None and getattr(self, second) is not None:
+                raise ValueError(f"{first} and {second} determine the same; leave one out")
         for name in ("responsivity_a_per_w", "nep_w_per_sqrt_hz"):
             if getattr(self, name) is not None and self.wavelength_nm is None:
                 raise ValueError(f"{name} holds at one wavelength; give wavelength_nm beside it")

@@ -222,7 +222,6 @@ def _list_ranging(lidar: Lidar, certain: float, full: float, trials: int) -> Ite
     Parameters
     ----------
     certain : photons of 95 % detection; where they are infinite there is nothing to yield
-    full : photons that saturate
     """
     detector, pulse = lidar.detector, lidar.pulse
     if not math.isfinite(certain):

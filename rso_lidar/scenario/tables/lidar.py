@@ -9,7 +9,16 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.detector import AnyDetector, Gsfl, LaserPulse, check_noise, check_size, check_traits, solve_threshold
+from rso_lidar.detector import (
+    AnyDetector,
+    Gsfl,
+    LaserPulse,
+    ThresholdCondition,
+    check_noise,
+    check_size,
+    check_traits,
+    solve_threshold,
+)
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver, read_files
@@ -86,10 +95,10 @@ class Lidar(Part):
     @model_validator(mode="after")
     def _solve_threshold(self) -> Self:
         """Solve the threshold of a detector that states a condition for it, with its own pulse or the laser's."""
-        detector, laser = self.detector, self.laser
-        if not isinstance(detector, Gsfl) or detector.solve is None:
+        detector: Any = self.detector
+        condition, laser = getattr(detector, "solve", None), self.laser
+        if not isinstance(condition, ThresholdCondition):
             return self
-        condition = detector.solve
         if condition.pulse_fwhm_ns is not None:
             laser = Laser(pulse_fwhm_ns=condition.pulse_fwhm_ns)
         elif condition.pd is not None and laser.pulse_shape == "measured":
