@@ -5,9 +5,10 @@ import pytest
 
 def test_a_camera_prints_its_data_sheet_and_writes_files(rso_lidar, tmp_path):
     page, curve = tmp_path / "sheet.html", tmp_path / "sheet.csv"
-    status, shown, errors = rso_lidar("camera", "gsfl_1064", "--trials", "100", "-o", str(page), "-o", str(curve))
+    words = ("--trials", "100", "-o", str(page), "-o", str(curve))
+    status, shown, errors = rso_lidar("camera", "geiger_1064", *words)
     assert (status, errors) == (0, [])
-    assert "NEP in the dark" in shown and "258 fW/√Hz" in shown and str(page) in shown
+    assert "NEP of the dark counts" in shown and "93.3 aW/√Hz" in shown and str(page) in shown
     assert page.is_file() and curve.is_file()
     assert max(len(line) for line in shown.splitlines() if str(tmp_path) not in line) <= 80
 
@@ -15,8 +16,8 @@ def test_a_camera_prints_its_data_sheet_and_writes_files(rso_lidar, tmp_path):
 def test_a_file_and_settings_are_a_camera_too(rso_lidar):
     words = ("camera", "datasheet", "examples/geiger_bench.toml", "--trials", "50")
     assert "photon detection efficiency" in rso_lidar(*words)[1]
-    status, shown, _ = rso_lidar("camera", "gsfl_1064", "--trials", "50", "--set", "lidar.laser.pulse_fwhm_ns=2")
-    assert status == 0 and shown.startswith("gsfl_1064 with lidar.laser.pulse_fwhm_ns=2")
+    status, shown, _ = rso_lidar("camera", "geiger_1064", "--trials", "50", "--set", "lidar.laser.pulse_fwhm_ns=2")
+    assert status == 0 and shown.startswith("geiger_1064 with lidar.laser.pulse_fwhm_ns=2")
 
 
 @pytest.mark.parametrize(

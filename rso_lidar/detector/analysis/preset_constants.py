@@ -101,6 +101,8 @@ def list_assumed_settings(detector: object) -> list[str]:
     if isinstance(detector, Gsfl):
         solved = [f"{part}.{key}" for part, key in SOLVED_CONSTANTS if is_of_preset(detector, part, key)]
         places += [place for place in solved if place not in places]
+        if detector.gate is not None:  # which has no trigger to arm
+            places = [place for place in places if not place.startswith(("armed_", "trigger."))]
     return places
 
 

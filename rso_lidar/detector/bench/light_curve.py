@@ -27,6 +27,8 @@ _QUARTILES = 1.166  # standard error of a scatter by quartiles, times √n over 
 _COARSE, _FINE = 49, 33
 _FIRST_FROM, _FIRST_TO = 1.0 / 30.0, 30.0
 _CERTAIN = 0.999
+# Levels of the closed form between which the ends of intervals are interpolated, and their span over the photons found.
+_LADDER, _BELOW, _ABOVE = 65, 0.4, 1.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,9 +206,10 @@ def estimate_detection_photons(
         shares = trial.detected.reshape(-1, n).mean(axis=1)
         bounds = np.array([wilson_interval(share, n, CONFIDENCE) for share in shares])
         corrected = np.clip(2.0 * wanted[reached] - bounds.T[::-1], 1e-4, 1.0 - 1e-6)
-        ends = find_photons(detector, pulse, corrected.ravel())
-        assert ends is not None, "a closed form of some probabilities is one of all"
-        low[reached], high[reached] = ends.reshape(corrected.shape)
+        ladder = np.geomspace(_BELOW * known[reached].min(), _ABOVE * known[reached].max(), _LADDER)
+        seen = predict_closed_form(detector, pulse, ladder, np.zeros(_LADDER), only_probability=True)
+        assert seen is not None, "a closed form of some light is one of all"
+        low[reached], high[reached] = _cross(ladder, np.maximum.accumulate(seen.probability), corrected)
     return DetectionPhotons(wanted, known, low, high, f"closed form, {n:,} trials")
 
 

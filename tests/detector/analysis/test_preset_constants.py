@@ -4,6 +4,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.detector import DataSheet, Gsfl, LaserPulse, describe_foreign_constants, list_assumed_settings
+from tests.settings_for_tests import limit_pixels
 
 
 def describe(detector, fwhm_ns=8.0, wavelength_nm=1064.0):
@@ -47,7 +48,8 @@ def test_a_data_sheet_of_another_wavelength_is_told():
 
 
 def test_check_tells_it():
-    scenario = rl.Scenario.load("examples/tdrs_approach.toml", ("lidar.laser.pulse_fwhm_ns=4",))
+    settings = (*limit_pixels(16, 4), "lidar.laser.pulse_fwhm_ns=4")
+    scenario = rl.Scenario.load("examples/bench_plate.toml", (*settings, 'lidar.detector.type="gsfl"'))
     assert "  constants amplifier noise and threshold of preset noise_limited" in scenario.describe()
 
 
@@ -57,4 +59,6 @@ def test_assumed_settings_are_those_left_alone():
     given = list_assumed_settings(Gsfl(quantum_efficiency=0.7, amplifier={"noise_electrons": 500.0}))
     assert "quantum_efficiency" not in given and "amplifier.noise_electrons" not in given
     assert "amplifier.noise_electrons" in list_assumed_settings(Gsfl(preset="offset_limited"))
+    gated = list_assumed_settings(Gsfl(gate={"delay_ns": 9.0}))
+    assert gated and not [place for place in gated if place.startswith(("armed_", "trigger."))]
     assert list_assumed_settings(object()) == []
