@@ -4,6 +4,8 @@ import csv
 import io
 import json
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -74,6 +76,23 @@ def test_notes_name_what_is_not_the_users(sheet):
     notes = "\n".join(data_sheet(rl.Lidar(preset="gsfl_1064", detector=own), trials=50).notes)
     assert "quantum_efficiency" not in notes and "armed_to_m" not in notes
     assert "Closed forms leave out: maps" in notes
+
+
+def test_the_page_of_the_camera_states_its_figures():
+    """Values that no trial decides; the scenario is the one of the page."""
+    page = (Path(__file__).resolve().parents[3] / "docs" / "camera.md").read_text(encoding="utf-8")
+    block = page.partition("```toml\n")[2].partition("```")[0]
+    made = data_sheet(rl.Scenario.loads(block), trials=50)
+    rows = dict(re.findall(r"^\| ([^|]+?) \| ([^|]+?) \|.*\| (?:closed form|form and trials) \|$", page, re.MULTILINE))
+    stated = {
+        figure.meaning: f"{figure.value:.4g}" if "detection" in figure.meaning else format_value(figure)
+        for figure in made.figures
+    }
+    shared = set(rows) & set(stated)
+    assert len(shared) >= 9
+    for meaning in shared:
+        value = rows[meaning].rstrip("0").rstrip(".") if "detection" in meaning else rows[meaning]
+        assert value == stated[meaning]
 
 
 def test_a_detector_of_ones_own_tells_its_traits_and_its_trials():
