@@ -16,6 +16,7 @@ from rso_lidar.detector import (
     Saturation,
     detect,
     list_camera_figures,
+    predict,
 )
 from rso_lidar.detector.bench.trial import make_plate
 from tests.detector.returns_for_tests import nothing
@@ -84,6 +85,9 @@ def test_pulses_saturate_at_the_stated_photons(saturation):
     light = make_plate(np.repeat([0.92, 1.08], 100) * full, 200, laser.pulse, laser.pulse_fwhm_s, 50.0)
     reading, _ = detect(light, gsfl, np.random.default_rng(3))
     assert not reading.saturated[0, :100].any() and reading.saturated[0, 100:].all()
+    if saturation is None:  # which the closed form leaves out
+        pulse = LaserPulse(*laser.pulse, laser.pulse_fwhm_s)
+        assert predict(gsfl, pulse, np.array([0.92, 1.08]) * full, np.zeros(2)).saturated.tolist() == [False, True]
 
 
 def test_the_nep_of_a_photon_counter_doubles_nothing_but_its_noise():
