@@ -781,6 +781,13 @@ def finding() -> Any:
     return rl.study.find_range("gsfl_1064", "cubesat_3u").figure()
 
 
+def my_camera() -> Any:
+    """The data sheet of the camera that docs/camera.md describes, by trials and closed forms."""
+    text = (FOLDER.parent / "camera.md").read_text(encoding="utf-8")
+    scenario = rl.Scenario.loads(text.partition("```toml\n")[2].partition("```")[0])
+    return replace(rl.study.data_sheet(scenario), camera="a camera of 64 x 64 pixels at 850 nm").figure()
+
+
 def link_budget() -> Any:
     """The link budget of the first example for three materials, facing and tilted (closed form)."""
     scenario = rl.Scenario.load(FOLDER.parents[1] / "examples" / "tdrs_approach.toml")
@@ -1420,6 +1427,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "safety_ellipse": safety_ellipse,
     "relative_models": relative_models,
     "link_budget": link_budget,
+    "my_camera": my_camera,
     "dispersion": dispersion,
     "finding": finding,
     "models": models,

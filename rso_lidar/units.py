@@ -72,6 +72,7 @@ NS_PER_S = 1_000_000_000  # an integer, for time stamps in whole nanoseconds
 MJ = 1e-3
 MHZ = 1e6
 NA = 1e-9
+PA = 1e-12
 NF = 1e-9
 
 

@@ -19,6 +19,7 @@ COMMANDS = {
     "new": "Write a scenario file to start from.",
     "check": "Check a scenario and print a summary.",
     "budget": "Compute photons, detection and precision against range.",
+    "camera": "Simulate the data sheet of a camera.",
     "truth": "Write or draw the true motion without rendering frames.",
     "timeline": "Draw or tabulate one encounter, frame by frame.",
     "disperse": "Fly a mission many times with errors.",
@@ -43,7 +44,7 @@ COMMANDS = {
     "dataset": "Make, check, publish, export and score datasets for learning.",
     "models": "List the models that can be targets, show one, or add your own.",
 }
-GROUPS = ("dataset", "models")
+GROUPS = ("camera", "dataset", "models")
 
 
 class _Commands(TyperGroup):

@@ -14,7 +14,7 @@ from rso_lidar import export, units
 from rso_lidar.errors import RecordingError, RsoLidarError, ScenarioError, did_you_mean
 from rso_lidar.picture import DARK, LIGHT, Scheme
 from rso_lidar.processes import LOCAL
-from rso_lidar.scenario import Constraints, Lidar, Scenario, load_presets, parse_frames
+from rso_lidar.scenario import Constraints, Lidar, Scenario, load_presets, parse_frames, validate_toml
 
 ScenarioFile = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, .nc, or .zarr).")]
@@ -33,6 +33,14 @@ TrustCode = Annotated[
 ]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")]
+CameraName = Annotated[
+    str,
+    typer.Argument(
+        metavar="FILE|PRESET",
+        help="Scenario file (TOML), or a camera by name.",
+        autocompletion=lambda: list(load_presets()),
+    ),
+]
 Camera = Annotated[
     str,
     typer.Option(
@@ -140,6 +148,24 @@ def load_lidar(text: str) -> tuple[Lidar, Constraints | None]:
         return scenario.instrument, scenario.constraints
     raise ScenarioError(
         f"--lidar {text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
+        "or a scenario file)"
+    )
+
+
+def load_camera(text: str, settings: tuple[str, ...], *, trust_code: bool, trust_fmu: bool) -> Lidar | Scenario | str:
+    """Load a camera by name, or a scenario.
+
+    Parameters
+    ----------
+    text, settings : name of a camera or path of a scenario, and `key=value` of fields
+    trust_code, trust_fmu : as for `Scenario.load`
+    """
+    if text in load_presets():
+        return validate_toml(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text
+    if Path(text).suffix.lower() == ".toml" or Path(text).exists():
+        return Scenario.load(text, settings, trust_code=trust_code, trust_fmu=trust_fmu)
+    raise ScenarioError(
+        f"{text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
         "or a scenario file)"
     )
 

@@ -6,25 +6,28 @@ from typing import Annotated, Any
 
 import typer
 
-from rso_lidar.cli.arguments import Dark, Overwrite, Settings, TrustCode, TrustFmu, choose_scheme, parse_length_m
+from rso_lidar.cli.arguments import (
+    CameraName,
+    Dark,
+    Overwrite,
+    Settings,
+    TrustCode,
+    TrustFmu,
+    choose_scheme,
+    load_camera,
+    parse_length_m,
+)
 from rso_lidar.cli.terminal import echo
-from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable
 from rso_lidar.mission_analysis import find_range
 from rso_lidar.picture import RESULT_SUFFIXES, Scheme
-from rso_lidar.scenario import Finding, Lidar, Scenario, load_presets, validate_toml
+from rso_lidar.scenario import Finding, Lidar, Scenario, load_presets
 from rso_lidar.study import budget as worked_out
 
 
 def budget(
-    camera: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE|PRESET",
-            help="Scenario file (TOML), or a camera by name.",
-            autocompletion=lambda: list(load_presets()),
-        ),
-    ],
+    camera: CameraName,
     range_: Annotated[
         str | None, typer.Option("--range", metavar="A:B", help="From and to, with their unit: 100m:5km.")
     ] = None,
@@ -95,7 +98,7 @@ def budget(
         if given is not None and given != []:
             cure = "leave it out, or add --find" if find is None else "leave it out, or leave out --find"
             raise ScenarioError(f"{name}: is for {'a whole body' if find is None else 'one pixel'}; {cure}")
-    loaded = _load_camera(camera, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
+    loaded = load_camera(camera, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
     if find is not None:
         _find(
             loaded,
@@ -171,24 +174,6 @@ def _find(
     if output is not None:
         found_range.save(output, scheme)
         echo(f"{output}")
-
-
-def _load_camera(text: str, settings: tuple[str, ...], *, trust_code: bool, trust_fmu: bool) -> Lidar | Scenario | str:
-    """Load a camera by name, or a scenario.
-
-    Parameters
-    ----------
-    text, settings : name of a camera or path of a scenario, and `key=value` of fields
-    trust_code, trust_fmu : as for `Scenario.load`
-    """
-    if text in load_presets():
-        return validate_toml(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text
-    if Path(text).suffix.lower() == ".toml" or Path(text).exists():
-        return Scenario.load(text, settings, trust_code=trust_code, trust_fmu=trust_fmu)
-    raise ScenarioError(
-        f"{text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
-        "or a scenario file)"
-    )
 
 
 def _parse_range_m(text: str) -> tuple[float, float]:

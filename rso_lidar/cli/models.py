@@ -1,35 +1,20 @@
 """`rso-lidar models`: the models that can be targets, shipped ones and the user's own."""
 
-from typing import Any, get_args
+from typing import get_args
 
 import typer
 from rich.table import Table
-from typer.core import TyperGroup
 
 from rso_lidar.cli import models_add, models_show
 from rso_lidar.cli.console import make_console
+from rso_lidar.cli.default_command import default_to
 from rso_lidar.cli.models_show import WIDE
 from rso_lidar.mission_analysis import list_materials
 from rso_lidar.records import ObjectClass, SizeClass, Taxonomy
 from rso_lidar.scene import models as catalogue
 from rso_lidar.scene import own_folder, own_models
 
-
-class _NameOrCommand(TyperGroup):
-    """`models NAME` is `models show NAME`."""
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command of the first word; a word that is no command is the name of a model."""
-        known = args[0].startswith("-") or self.get_command(ctx, args[0]) is not None
-        return super().resolve_command(ctx, args if known else ["show", *args])
-
-    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
-        """Return the completions of the next word: commands, and names of models."""
-        (name,) = self.commands["show"].params[:1]
-        return [*super().shell_complete(ctx, incomplete), *name.shell_complete(ctx, incomplete)]
-
-
-app = typer.Typer(cls=_NameOrCommand, rich_markup_mode=None, pretty_exceptions_enable=False)
+app = typer.Typer(cls=default_to("show"), rich_markup_mode=None, pretty_exceptions_enable=False)
 
 
 @app.callback(invoke_without_command=True)

@@ -8,8 +8,18 @@ if TYPE_CHECKING:
     from rso_lidar.detector.analysis.array_load import ArrayLoad
     from rso_lidar.detector.analysis.closed_form import Prediction
     from rso_lidar.detector.analysis.finding import at_least, estimate_k_of_n, k_of_n
+    from rso_lidar.detector.analysis.preset_constants import describe_foreign_constants, list_assumed_settings
     from rso_lidar.detector.analysis.reported_light import mark_reports
+    from rso_lidar.detector.analysis.threshold import solve_threshold
     from rso_lidar.detector.analysis.user_detector import Detector, check_traits
+    from rso_lidar.detector.bench.camera_figures import CameraFigure, list_camera_figures
+    from rso_lidar.detector.bench.light_curve import (
+        DetectionPhotons,
+        LightCurve,
+        estimate_detection_photons,
+        place_plate_m,
+        simulate_light_curve,
+    )
     from rso_lidar.detector.bench.pixel_prediction import predict_pixels
     from rso_lidar.detector.bench.prediction import find_photons, predict
     from rso_lidar.detector.bench.range_resolution import SIGNAL_OVER_THRESHOLD, simulate_separations
@@ -41,6 +51,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.settings.algorithm import Ranging
     from rso_lidar.detector.settings.amplifier import Amplifier
     from rso_lidar.detector.settings.apd import Apd
+    from rso_lidar.detector.settings.data_sheet import DataSheet
     from rso_lidar.detector.settings.empirical import Empirical
     from rso_lidar.detector.settings.focal_plane import (
         Bloom,
@@ -56,6 +67,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.settings.gsfl import Gsfl
     from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
     from rso_lidar.detector.settings.readout import LowGain, Readout
+    from rso_lidar.detector.settings.threshold_condition import ThresholdCondition
     from rso_lidar.detector.settings.traits import DetectorTraits
     from rso_lidar.detector.settings.trigger import Trigger
     from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
@@ -71,9 +83,12 @@ __all__ = [
     "Apd",
     "ArrayLoad",
     "Bloom",
+    "CameraFigure",
     "Crosstalk",
+    "DataSheet",
     "Defects",
     "DescribedDetector",
+    "DetectionPhotons",
     "Detector",
     "DetectorTraits",
     "Droop",
@@ -82,6 +97,7 @@ __all__ = [
     "GeigerArray",
     "Gsfl",
     "LaserPulse",
+    "LightCurve",
     "LowGain",
     "Maps",
     "Prediction",
@@ -91,6 +107,7 @@ __all__ = [
     "Saturation",
     "Speckle",
     "Surroundings",
+    "ThresholdCondition",
     "Timing",
     "Trial",
     "Trigger",
@@ -103,30 +120,37 @@ __all__ = [
     "check_size",
     "check_traits",
     "describe",
+    "describe_foreign_constants",
     "describe_storage",
     "describe_window",
     "detect",
     "detect_with_taps",
     "detection_probability",
     "draw_crosstalk_m",
+    "estimate_detection_photons",
     "estimate_k_of_n",
     "false_alarm_probability",
     "find_photons",
     "frame_jitter_s",
     "isolate",
     "k_of_n",
+    "list_assumed_settings",
+    "list_camera_figures",
     "list_neglected_effects",
     "make_plate",
     "make_point_returns",
     "mark_reports",
     "multiply_rows",
     "noise_growth",
+    "place_plate_m",
     "predict",
     "predict_pixels",
     "report_probability",
     "run_trial",
+    "simulate_light_curve",
     "simulate_separations",
     "simulate_walk_curve",
+    "solve_threshold",
 ]
 
 __dir__ = limit_dir(__name__)

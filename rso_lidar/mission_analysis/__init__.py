@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from rso_lidar.mission_analysis.budgets.range_curve import (
         BudgetCurve,
     )
+    from rso_lidar.mission_analysis.camera.data_sheet import (
+        CameraDataSheet,
+        data_sheet,
+    )
     from rso_lidar.mission_analysis.mission_parameters.parameter_list import (
         MissionParameter,
         split_unit,
@@ -101,6 +105,7 @@ __all__ = [
     "TRUTH_FIGURES",
     "Budget",
     "BudgetCurve",
+    "CameraDataSheet",
     "ConjunctionAssessment",
     "Encounter",
     "Encounters",
@@ -117,6 +122,7 @@ __all__ = [
     "check_truth_output",
     "choose_globe_samples",
     "conjunction_scenario_text",
+    "data_sheet",
     "declare_attribute",
     "draw_trajectory",
     "encounters",

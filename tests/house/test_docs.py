@@ -202,6 +202,7 @@ def test_every_picture_is_shown_and_every_figure_drawn():
             "studies.md",
             "models.md",
             "calibration.md",
+            "camera.md",
             "sensors.md",
             "axes.md",
             "pictures.md",

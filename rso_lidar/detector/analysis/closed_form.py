@@ -82,7 +82,7 @@ def predict_gsfl(
             f"amplifier.bandwidth_mhz: {gsfl.amplifier.bandwidth_mhz:g}: is too fast for the closed form of a pulse of "
             f"{pulse.fwhm_s / units.NS:.3g} ns; narrow it, or simulate"
         )
-    probability, precision_m, snr = (np.zeros(photons.shape) for _ in range(3))
+    probability, precision_m, snr, peak_electrons = (np.zeros(photons.shape) for _ in range(4))
     number = _depth_number(depth_s / pulse.fwhm_s)
     steady = pulse._replace(timing_jitter_ns=0.0)
     for k in np.unique([np.floor(number), np.ceil(number)]):
@@ -96,8 +96,9 @@ def predict_gsfl(
             known_m = np.minimum(seen.precision_m(photons[of]), widest_m)  # a report is from within the pulse
             precision_m[of] += weight * known_m
             snr[of] += weight * seen.snr(photons[of])
+            peak_electrons[of] += weight * seen.primaries(photons[of]) * seen.mean.max()
     jitter_ns = math.hypot(gsfl.timing.pixel_jitter_ns, gsfl.timing.frame_jitter_ns, pulse.timing_jitter_ns)
-    saturated = gsfl.counts(photons) >= gsfl.full_scale_counts
+    saturated = peak_electrons >= int(gsfl.readout.clip_counts) * gsfl.readout.electrons_per_count
     jitter_ns /= math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # each pulse of a frame has its own
     return Prediction(probability, np.hypot(precision_m, jitter_ns * _RANGE_PER_NS), snr, saturated)
 

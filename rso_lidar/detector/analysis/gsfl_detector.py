@@ -12,6 +12,7 @@ from rso_lidar.detector.analysis.built_detector import BuiltDetector, describe_g
 from rso_lidar.detector.analysis.closed_form import Prediction, predict_gsfl
 from rso_lidar.detector.analysis.false_alarms import false_trigger_fraction, nominal_false_alarms_per_s
 from rso_lidar.detector.analysis.pixel_reports import report_probability_gsfl
+from rso_lidar.detector.analysis.preset_constants import SOLVED_CONSTANTS, is_of_preset
 from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.chain.timing import plan_time
@@ -91,9 +92,11 @@ class BuiltGsfl(BuiltDetector):
         """Describe the chain in a few lines; the last one states when its pixels look."""
         gsfl = self.part
         apd, amplifier, readout = gsfl.apd, gsfl.amplifier, gsfl.readout
+        of_preset = any(is_of_preset(gsfl, part, key) for part, key in SOLVED_CONSTANTS)
+        kind = f"gsfl {gsfl.preset}" if of_preset else "gsfl, own constants"
         lines = [
-            f"detector    gsfl {gsfl.preset}: QE {gsfl.quantum_efficiency:g}, gain {apd.gain:g} (F "
-            f"{apd.excess_noise_factor:.2f}), dark {apd.dark_current_na:g} nA, amplifier {amplifier.bandwidth_mhz:g} MHz "
+            f"detector    {kind}: QE {gsfl.quantum_efficiency:.4g}, gain {apd.gain:g} (F "
+            f"{apd.excess_noise_factor:.2f}), dark {apd.dark_current_na:g} nA, amplifier {amplifier.bandwidth_mhz:.4g} MHz "
             f"and {amplifier.noise_electrons:.0f} electrons, {readout.samples} samples of {readout.sample_ns:g} ns, "
             f"{gsfl.ranging.algorithm}"
         ]

@@ -52,6 +52,17 @@ class Amplifier(Part):
         """Time in which a current counts as charge [s]."""
         return self.integration_ns * units.NS
 
+    @property
+    def noise_bandwidth_hz(self) -> float:
+        """Equivalent noise bandwidth ∫|H|² df [Hz], one-sided: 1/(8τ), 1.22 times the −3 dB bandwidth."""
+        return 1.0 / (8.0 * self.pole_s)
+
+    @property
+    def noise_a_per_sqrt_hz(self) -> float:
+        """Amplifier noise as a white current after the APD [A/√Hz], one-sided; at the output it is `noise_electrons`."""
+        rms_a = self.noise_electrons * units.ELEMENTARY_CHARGE_C / self.integration_s
+        return rms_a / math.sqrt(self.noise_bandwidth_hz)
+
     def response(self, frequency_hz: np.ndarray) -> np.ndarray:
         """Return the frequency response H(f), complex: two equal poles.
 

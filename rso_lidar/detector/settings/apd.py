@@ -6,6 +6,7 @@ A primary electron leaves the avalanche as n electrons with McIntyre's probabili
 from that.
 """
 
+import math
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -75,6 +76,11 @@ class Apd(Part):
     def dark_electrons_per_s(self) -> float:
         """Primary electrons of the dark current [1/s]."""
         return self.dark_current_na * units.NA / units.ELEMENTARY_CHARGE_C
+
+    @property
+    def dark_noise_a_per_sqrt_hz(self) -> float:
+        """Shot noise of the multiplied dark current after the APD [A/√Hz], one-sided: √(2 q I M² F)."""
+        return units.ELEMENTARY_CHARGE_C * math.sqrt(2.0 * cumulants(self)[1] * self.dark_electrons_per_s)
 
 
 def cumulants(apd: Apd) -> tuple[float, float, float]:

@@ -13,18 +13,39 @@ from rso_lidar import units
 from rso_lidar.detector.settings.algorithm import Ranging
 from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd, noise_rms
+from rso_lidar.detector.settings.data_sheet import DataSheet, fill_amplifier, fill_apd, fill_quantum_efficiency
 from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.settings.gate import Gate
 from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
 from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector.settings.threshold_condition import ThresholdCondition
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.detector.settings.trigger import Trigger
 from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
+from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Fraction, NotNegative, Part, Positive, Whole
 
 _SPOILT = 30.0  # times the saturation: from there on, the samples that do not clip no longer give the range
 _EDGES = 6.5  # pulses behind the latch that hold both edges of a return up to 1e8 times the saturation
 _PRESET = (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons"))
+# Words of a data sheet with the part and the key that they determine.
+_DETERMINED: tuple[tuple[str, str | None, str], ...] = (
+    ("responsivity_a_per_w", None, "quantum_efficiency"),
+    ("excess_noise_factor", "apd", "ionisation_ratio"),
+    ("noise_bandwidth_mhz", "amplifier", "bandwidth_mhz"),
+    ("rise_time_ns", "amplifier", "bandwidth_mhz"),
+    ("noise_pa_per_sqrt_hz", "amplifier", "noise_electrons"),
+    ("nep_w_per_sqrt_hz", "amplifier", "noise_electrons"),
+)
+
+
+def _is_stated(given: dict[str, Any], key: str) -> bool:
+    """Return whether a data sheet or a condition in a table of the detector states a constant of the preset."""
+    if key == "threshold_electrons":
+        return given.get("solve") is not None
+    sheet = given.get("data_sheet")
+    words = sheet.model_dump(exclude_none=True) if isinstance(sheet, Part) else sheet
+    return isinstance(words, dict) and any(word in words for word, _, filled in _DETERMINED if filled == key)
 
 
 class Gsfl(Part):
@@ -90,6 +111,20 @@ class Gsfl(Part):
             "Minimum number of simulation steps per sample interval. Default: a choice of sampling, not of physics."
         ),
     )
+    data_sheet: DataSheet | None = Field(
+        default=None,
+        description=(
+            "Figures in the words of a data sheet, which fill `quantum_efficiency`, `apd` and `amplifier`. If omitted, "
+            "those are given themselves."
+        ),
+    )
+    solve: ThresholdCondition | None = Field(
+        default=None,
+        description=(
+            "Condition for which `trigger.threshold_electrons` is solved when the lidar is made, such as "
+            "{ pd = 0.95, photons = 1000 }. If omitted, the threshold is that of the trigger."
+        ),
+    )
     apd: Apd = Field(default=Apd(), description="Avalanche photodiode: photoelectrons to electrons.")
     amplifier: Amplifier = Field(default=Amplifier(), description="Amplifier: electrons to an amplitude.")
     trigger: Trigger = Field(default=Trigger(), description="Comparator that latches a pixel.")
@@ -134,12 +169,48 @@ class Gsfl(Part):
             return given
         filled = dict(given)
         for part, key in _PRESET:
+            if _is_stated(given, key):
+                continue
             table = filled.get(part, {})
             if isinstance(table, dict):
                 filled[part] = {key: DETECTOR_PRESETS[filled["preset"]][key], **table}
             elif isinstance(table, Part) and key not in table.model_fields_set:
                 filled[part] = table.replace(**{key: DETECTOR_PRESETS[filled["preset"]][key]})
         return filled
+
+    @model_validator(mode="after")
+    def _read_data_sheet(self) -> Self:
+        """Fill the keys that a data sheet determines, and keep nothing of it but its wavelength."""
+        sheet = self.data_sheet
+        if sheet is None or sheet.model_fields_set <= {"wavelength_nm"}:
+            return self
+        for word, part, key in _DETERMINED:
+            given = self if part is None else getattr(self, part)
+            if getattr(sheet, word) is not None and key in given.model_fields_set:
+                place = key if part is None else f"{part}.{key}"
+                raise ValueError(f"data_sheet.{word} and {place} determine the same; leave one out")
+        efficiency = fill_quantum_efficiency(sheet, self.quantum_efficiency)
+        apd = fill_apd(sheet, self.apd)
+        amplifier = fill_amplifier(sheet, self.amplifier, apd, efficiency)
+        kept = None if sheet.wavelength_nm is None else DataSheet(wavelength_nm=sheet.wavelength_nm)
+        filled = {"quantum_efficiency": efficiency, "apd": apd, "amplifier": amplifier, "data_sheet": kept}
+        changed = {name: value for name, value in filled.items() if value is not getattr(self, name)}
+        self.__dict__.update(changed)
+        self.__pydantic_fields_set__.update(changed)
+        return self
+
+    @model_validator(mode="after")
+    def _check_condition(self) -> Self:
+        """Refuse a condition for a threshold that is given, or that a gate has not."""
+        if self.solve is None:
+            return self
+        if self.gate is not None:
+            raise ValueError(
+                "solve and gate both determine what is reported; leave out solve: a gate has its own threshold"
+            )
+        if "threshold_electrons" in self.trigger.model_fields_set:
+            raise ValueError("solve and trigger.threshold_electrons determine the same; leave one out")
+        return self
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:
@@ -150,9 +221,11 @@ class Gsfl(Part):
                 f"gate.width_ns ({self.gate.width_ns:g}) holds fewer than 4 samples of "
                 f"{self.readout.sample_ns:g} ns; widen it"
             )
-        if self.saturation is not None and self.saturation.rail_electrons <= self.trigger.threshold_electrons:
+        is_solved = self.solve is None  # else the rail is compared with the threshold that is solved
+        rail = self.saturation.rail_electrons if self.saturation is not None and is_solved else math.inf
+        if rail <= self.trigger.threshold_electrons:
             raise ValueError(
-                f"saturation.rail_electrons ({self.saturation.rail_electrons:g}) is below trigger.threshold_electrons "
+                f"saturation.rail_electrons ({rail:g}) is below trigger.threshold_electrons "
                 f"({self.trigger.threshold_electrons:g}), which no signal could reach; raise the rail"
             )
         self._check_zero_crossing()
@@ -286,6 +359,11 @@ class Gsfl(Part):
     @cached_property
     def traits(self) -> DetectorTraits:
         """Facts that a scenario reads about this detector."""
+        if self.solve is not None:
+            raise ScenarioError(
+                "detector.solve: the threshold is not solved yet; give the detector to a Lidar, or call "
+                "rl.detector.solve_threshold(detector, pulse)"
+            )
         gate = self.gate
         gated = {"gate_delay_s": gate.delay_ns * units.NS, "gate_width_s": gate.width_ns * units.NS} if gate else {}
         return DetectorTraits(

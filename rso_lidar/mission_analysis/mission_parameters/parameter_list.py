@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar import units
-from rso_lidar.detector import DETECTOR_PRESETS, false_alarm_probability, find_photons
+from rso_lidar.detector import DETECTOR_PRESETS, find_photons, list_camera_figures
 from rso_lidar.errors import RsoLidarError, suppress_warnings
 from rso_lidar.part import Part, name_object
 from rso_lidar.scenario import Scenario, load_presets, require_scenario
@@ -25,6 +24,13 @@ from rso_lidar.sensors import load_sensor_presets
 
 _BRACKETS = re.compile(r"\[([^\[\]]+)\]")
 _COUNTED = ("pixels", "photons", "electrons", "counts", "bits")  # units that are words, and ends of names
+_DETECTOR_FIGURES = {  # of a data sheet, which need the laser beside the detector
+    "responsivity_a_per_w": "Responsivity at unit gain",
+    "nep_w_per_sqrt_hz": "Noise-equivalent power in the dark",
+    "noise_equivalent_photons": "Noise-equivalent photons in the dark",
+    "false_alarms_per_s": "Rate at which noise triggers an armed pixel in the dark, mean over the camera's pixels",
+    "false_alarms_per_frame": "Expected false alarms of a frame in the dark",
+}
 _NUMBERS = ("float", "int")
 
 
@@ -141,15 +147,12 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
 
 def _list_detection(lidar: Any) -> Iterator[MissionParameter]:
     """Yield what follows from detector and laser together: false alarms of a pixel, and the light that it detects."""
-    place, traits = "lidar.detector", lidar.detector.traits
-    if not traits.is_gated and not hasattr(lidar.detector, "false_alarms_per_s"):
-        before = float(false_alarm_probability(lidar.detector, np.array([traits.sees_to_m]))[0])
-        armed_s = (traits.sees_to_m - traits.sees_from_m) / units.RANGE_PER_DELAY_M_S
-        meaning = "Rate at which noise triggers an armed pixel in the dark, from the share of pixels that it triggers"
-        if before < 1.0 and math.isfinite(armed_s):
-            rate = -math.log1p(-before) / armed_s
-            path = f"{place}.false_alarms_per_s"
-            yield MissionParameter(path, rate, "1/s", meaning, None, "derived", is_derived=True)
+    place, n_pixels = "lidar.detector", lidar.receiver.n_rows * lidar.receiver.n_cols
+    for figure in list_camera_figures(lidar.detector, lidar.pulse, lidar.laser.wavelength_m, n_pixels):
+        if figure.name in _DETECTOR_FIGURES and not hasattr(lidar.detector, figure.name):
+            meaning = f"{_DETECTOR_FIGURES[figure.name]}{f': {figure.formula}' if figure.formula else ''}"
+            path, unit = f"{place}.{figure.name}", figure.unit or "1"
+            yield MissionParameter(path, figure.value, unit, meaning, None, "derived", is_derived=True)
     percents = (50, 95)
     photons = find_photons(lidar.detector, lidar.pulse, np.array(percents) / 100.0)
     for percent, count in zip(percents, photons if photons is not None else (), strict=False):

@@ -192,7 +192,10 @@ def _describe_detector(mission: Mission) -> list[str]:
     receiver = mission.lidar.receiver
     lines = detector.describe(mission.lidar.detector, receiver.n_rows * receiver.n_cols)
     first = max(len(lines) - 1, 1)
-    return [*lines[:first], *_describe_detection(mission), *describe_separations(mission), *lines[first:]]
+    lidar = mission.lidar
+    foreign = detector.describe_foreign_constants(lidar.detector, lidar.pulse, lidar.laser.wavelength_m)
+    solved = [f"  constants {line}" for line in foreign]
+    return [*lines[:first], *_describe_detection(mission), *solved, *describe_separations(mission), *lines[first:]]
 
 
 def _describe_detection(mission: Mission) -> list[str]:

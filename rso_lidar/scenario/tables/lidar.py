@@ -9,7 +9,16 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.detector import AnyDetector, Gsfl, LaserPulse, check_noise, check_size, check_traits
+from rso_lidar.detector import (
+    AnyDetector,
+    Gsfl,
+    LaserPulse,
+    ThresholdCondition,
+    check_noise,
+    check_size,
+    check_traits,
+    solve_threshold,
+)
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver, read_files
@@ -82,6 +91,24 @@ class Lidar(Part):
                 f"preset: no camera '{name}'{did_you_mean(name, load_presets())} (known: {', '.join(load_presets())})"
             )
         return _merge_tables({key: value for key, value in load_presets()[name].items() if key != "what"}, given)
+
+    @model_validator(mode="after")
+    def _solve_threshold(self) -> Self:
+        """Solve the threshold of a detector that states a condition for it, with its own pulse or the laser's."""
+        detector: Any = self.detector
+        condition, laser = getattr(detector, "solve", None), self.laser
+        if not isinstance(condition, ThresholdCondition):
+            return self
+        if condition.pulse_fwhm_ns is not None:
+            laser = Laser(pulse_fwhm_ns=condition.pulse_fwhm_ns)
+        elif condition.pd is not None and laser.pulse_shape == "measured":
+            raise ValueError(
+                "detector.solve: the file of a measured pulse is not read yet; give pulse_fwhm_ns in solve"
+            )
+        step_s, power_per_s = Laser().pulse if laser.pulse_shape == "measured" else laser.pulse
+        pulse = LaserPulse(step_s, power_per_s, laser.pulse_fwhm_ns * units.NS)
+        self.__dict__["detector"] = solve_threshold(detector, pulse)
+        return self
 
     @model_validator(mode="after")
     def _has_traits(self) -> Self:
@@ -189,6 +216,9 @@ class Lidar(Part):
 def _merge_tables(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Merge the user's table into that of a preset, key by key; a part of another type replaces the preset's whole."""
     result = dict(preset)
+    sheet = given.get("data_sheet")
+    if isinstance(sheet, Mapping) and "responsivity_a_per_w" in sheet:
+        result.pop("quantum_efficiency", None)
     for pair in _ALTERNATIVES:
         if pair & set(given):
             result = {key: value for key, value in result.items() if key not in pair}
