@@ -295,9 +295,9 @@ class PoseTree(Mapping[str, Link]):
 
     def place(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray]:
         """Return a_from_b as translation [m] (…, 3) and rotation matrix (…, 3, 3), read-only: faster than `pose`."""
-        if (found := self._places.get((a, b))) is None:
-            found = self._places[a, b] = self._find_place(a, b)
-        return found
+        if (a, b) not in self._places:
+            self._places[a, b] = self._find_place(a, b)
+        return self._places[a, b]
 
     def _find_place(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray]:
         """Compose the links between two nodes."""

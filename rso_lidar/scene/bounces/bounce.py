@@ -106,7 +106,7 @@ def _can_send(
     return can
 
 
-class _Light(NamedTuple):
+class _Throughput(NamedTuple):
     """What paths have met before the point from which they go on (path).
 
     `inward` and `outward` are the products of BRDF and cosine over density at all points before. `reverse` is the
@@ -119,9 +119,9 @@ class _Light(NamedTuple):
     reverse: np.ndarray
     length_m: np.ndarray
 
-    def only(self, some: np.ndarray) -> _Light:
+    def only(self, some: np.ndarray) -> _Throughput:
         """Return that of a selection of the paths."""
-        return _Light(*(values[some] for values in self))
+        return _Throughput(*(values[some] for values in self))
 
 
 class _Paths:
@@ -166,10 +166,10 @@ class _Paths:
             place = self.direction[path], self.facet[path], self.first_m[path]
             starts = localize_points(self.surfaces, k, self.truth, *place)
             self.first_seen[path] = dot(starts.facing, starts.to_viewer)
-            nothing = _Light(np.ones(len(path)), np.ones(len(path)), np.ones(len(path)), np.zeros(len(path)))
+            nothing = _Throughput(np.ones(len(path)), np.ones(len(path)), np.ones(len(path)), np.zeros(len(path)))
             self._leave(0, path, starts, nothing)
 
-    def _leave(self, turn: int, path: np.ndarray, starts: LocalHits, light: _Light) -> None:
+    def _leave(self, turn: int, path: np.ndarray, starts: LocalHits, light: _Throughput) -> None:
         """Follow paths from points of one surface to where they end, and on from there."""
         lobes = find_lobes(starts)
         about = packed(lobes), packed(starts.base), packed(starts.normal)
@@ -192,8 +192,8 @@ class _Paths:
         points: LocalHits,
         toward: np.ndarray,
         density: np.ndarray,
-        light: _Light,
-    ) -> _Light:
+        light: _Throughput,
+    ) -> _Throughput:
         """Return the light of paths behind points that they leave in drawn directions.
 
         Parameters
@@ -214,7 +214,7 @@ class _Paths:
             lobes = find_lobes(points)
             about = packed(lobes), packed(points.base), packed(points.normal), packed(toward)
             reverse = reverse * direction_density(packed(points.to_viewer), *about) / np.maximum(seen, LEAST_COSINE)
-        return _Light(
+        return _Throughput(
             light.inward * out_of * _cosine(points.base, toward) / density,
             light.outward * into * lit / density,
             reverse * leaving / density,
@@ -230,7 +230,7 @@ class _Paths:
         facet: np.ndarray,
         there: np.ndarray,
         toward: np.ndarray,
-        light: _Light,
+        light: _Throughput,
         length_m: np.ndarray,
     ) -> None:
         """Join the points where paths arrive to the laser and the lens, and let longer paths go on.
@@ -255,7 +255,13 @@ class _Paths:
             self._leave(turn + 1, path, onward, light._replace(length_m=length_m))
 
     def _join(
-        self, turn: int, path: np.ndarray, ends: LocalHits, back: np.ndarray, light: _Light, end_range_m: np.ndarray
+        self,
+        turn: int,
+        path: np.ndarray,
+        ends: LocalHits,
+        back: np.ndarray,
+        light: _Throughput,
+        end_range_m: np.ndarray,
     ) -> None:
         """Compute the light of paths that end.
 
