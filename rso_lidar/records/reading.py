@@ -48,9 +48,9 @@ class Waveforms(Record):
 class Taps(Record):
     """Signals between the stages of a detector, over the stretch of time that each trace of its `Waveforms` stores.
 
-    Step k of a trace is centred at `start_s` + k `step_s` [s] after emission. Under a range gate the signals are means over the
-    pulses of the frame. Noise that triggers an unlit pixel is simulated at its samples only: in between, its amplitude is
-    NaN.
+    Step k of a trace is centred at `start_s` + k `step_s` [s] after emission. Under a range gate the signals are means over
+    the pulses of the frame. Noise that triggers an unlit pixel is simulated at its samples only: in between, its
+    amplitude is NaN.
     """
 
     shape: tuple[int, int]
