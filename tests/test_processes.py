@@ -16,7 +16,13 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RunError, ScenarioError, warn
-from rso_lidar.processes import Processes
+from rso_lidar.processes import Processes, send_function
+
+
+@contextlib.contextmanager
+def sent_to_processes(count, function):
+    with Processes(count) as processes, send_function(function, processes) as sent:
+        yield sent
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +45,8 @@ def test_an_object_that_cannot_be_pickled_is_told(scenario):
     with pytest.raises(
         ScenarioError, match=r"workers: the scenario cannot be sent .*\(not to be copied\); .*leave out workers"
     ):
-        Processes(1, Stubborn().states)
+        with sent_to_processes(1, Stubborn().states):
+            pass
 
 
 class Restless(Stubborn):
@@ -53,18 +60,18 @@ class Restless(Stubborn):
 
 
 def test_an_object_that_cannot_be_restored_is_told():
-    with Processes(1, Restless().states) as processes:
-        future = processes.submit(None)
+    with sent_to_processes(1, Restless().states) as sent:
+        future = sent.submit(None)
         with pytest.raises(
             ScenarioError, match=r"cannot be rebuilt in another process \(ValueError: not to be restored\)"
         ):
-            processes.result(future)
+            sent.result(future)
 
 
 def test_every_value_gives_a_result():
-    with Processes(2, abs) as processes:
-        assert sorted(processes.map_unordered(range(-9, 1))) == list(range(10))
-        assert list(processes.map_unordered(())) == []
+    with sent_to_processes(2, abs) as sent:
+        assert sorted(sent.map_unordered(range(-9, 1))) == list(range(10))
+        assert list(sent.map_unordered(())) == []
 
 
 class OddError(Exception):
@@ -79,10 +86,10 @@ def raise_odd():
 
 
 def test_an_exception_that_cannot_be_restored_is_told():
-    with Processes(1, raise_odd) as processes:
-        future = processes.submit()
+    with sent_to_processes(1, raise_odd) as sent:
+        future = sent.submit()
         with pytest.raises(RunError, match=r"workers: a call raised OddError: one; leave out workers to see where"):
-            processes.result(future)
+            sent.result(future)
 
 
 @dataclass(frozen=True)
@@ -151,13 +158,14 @@ def test_what_cannot_be_asked_is_told_before_anything_starts(scenario, asked, wo
 
 def test_what_cannot_be_sent_is_named():
     with pytest.raises(ScenarioError, match="workers: the scenario cannot be sent to other processes"):
-        Processes(1, lambda: 0)
+        with sent_to_processes(1, lambda: 0):
+            pass
 
 
 def test_a_daemon_is_told_that_it_may_start_none(monkeypatch):
     monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)
     with pytest.raises(ScenarioError, match="workers: a daemon process cannot start processes"):
-        Processes(1, os.getpid)
+        Processes(1)
 
 
 def fails(scenario_error):
@@ -167,16 +175,16 @@ def fails(scenario_error):
 
 
 def test_an_error_in_a_worker_comes_back_as_it_is():
-    with Processes(1, fails) as processes, pytest.raises(ScenarioError, match=r"^tdrs: gone; look elsewhere$"):
-        processes.result(processes.submit(True))
+    with sent_to_processes(1, fails) as sent, pytest.raises(ScenarioError, match=r"^tdrs: gone; look elsewhere$"):
+        sent.result(sent.submit(True))
 
 
 def test_a_worker_that_dies_is_told_in_one_line():
-    with Processes(1, fails) as processes:
+    with sent_to_processes(1, fails) as sent:
         with pytest.raises(RunError, match="workers: a process ended before its frame was made"):
-            processes.result(processes.submit(False))
+            sent.result(sent.submit(False))
         with pytest.raises(RunError, match="workers: a process ended"):
-            processes.submit(True)
+            sent.submit(True)
 
 
 def test_leaving_early_ends_the_workers(scenario):
@@ -193,14 +201,13 @@ def test_a_parent_that_is_killed_leaves_no_worker_behind(tmp_path):
         textwrap.dedent(
             """
             import time
-            from functools import partial
             from rso_lidar.processes import Processes
 
             if __name__ == "__main__":
-                with Processes(2, partial(time.sleep, 600)) as processes:
-                    waiting = [processes.submit() for _ in range(2)]
+                with Processes(2) as processes:
+                    waiting = [processes.submit(time.sleep, 600) for _ in range(2)]
                     print("started", flush=True)
-                    processes.result(waiting[0])
+                    waiting[0].result()
             """
         )
     )
@@ -220,10 +227,10 @@ def test_a_parent_that_is_killed_leaves_no_worker_behind(tmp_path):
 UNGUARDED = """
 import time
 from functools import partial
-from rso_lidar.processes import Processes
+from rso_lidar.processes import Processes, send_function
 
-with Processes(2, partial(time.sleep, bytes(1_000_000))) as processes:
-    processes.result(processes.submit())
+with Processes(2) as processes, send_function(partial(time.sleep, bytes(1_000_000)), processes) as sent:
+    sent.result(sent.submit())
 """
 
 
@@ -257,9 +264,9 @@ def waits(_data):
 
 
 def test_leaving_early_ends_a_call_that_waits_at_a_full_pipe():
-    with pytest.raises(KeyError), Processes(1, waits) as processes:
+    with pytest.raises(KeyError), sent_to_processes(1, waits) as sent:
         for _ in range(4):
-            processes.submit(bytes(300_000))  # a pipe holds 65,536
+            sent.submit(bytes(300_000))  # a pipe holds 65,536
         raise KeyError
 
 
@@ -268,6 +275,6 @@ def warns(word):
 
 
 def test_a_warning_of_a_worker_is_one_line_without_a_place_in_the_source(capfd):
-    with Processes(1, warns) as processes:
-        processes.result(processes.submit("1,370 m across"))
+    with sent_to_processes(1, warns) as sent:
+        sent.result(sent.submit("1,370 m across"))
     assert capfd.readouterr().err == "warning: tdrs: 1,370 m across\n"
