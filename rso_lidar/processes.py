@@ -1,7 +1,7 @@
 """Workers: pools of processes, clients of dask, and functions that are sent once to the workers of an executor.
 
-An executor is one in the manner of `concurrent.futures`: a pool of threads or processes, or ``client.get_executor()`` of dask,
-whose cluster may be of other machines. What all calls share is sent to each worker once.
+An executor is one in the manner of `concurrent.futures`: a pool of threads or processes, or ``client.get_executor()`` of
+dask, whose cluster may be of other machines. What all calls share is sent to each worker once.
 """
 
 from __future__ import annotations
