@@ -388,6 +388,7 @@ def open_dask_client(scheduler: str, workers: int, error: type[RsoLidarError] = 
         stack.enter_context(dask.config.set(settings))
         try:
             if scheduler == LOCAL:
+                _start_quiet_tracker()
                 options: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
                 cluster = stack.enter_context(distributed.LocalCluster(n_workers=workers, **options))
                 client = stack.enter_context(distributed.Client(cluster))

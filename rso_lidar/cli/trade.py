@@ -87,12 +87,10 @@ def trade(
     set_advice(
         lambda: to_one_line(f"{run.n_done:,} of {run.n_rows:,} runs are kept in {kept}; the same command goes on")
     )
-    with run:
+    with open_executor(workers, scheduler=by) as executor, run:
         if run.n_done:
             echo(f"continuing after {run.n_done:,} of {run.n_rows:,} runs")
-        with open_executor(workers, scheduler=by) as executor, ExitStack() as stack:
-            stack.enter_context(announce_compiling())
-            bar = stack.enter_context(show_progress(run.n_rows, run.n_done, "trading", of="run"))
+        with announce_compiling(), show_progress(run.n_rows, run.n_done, "trading", of="run") as bar:
             finished_trade = run.finish(lambda *_: bar.advance(), executor=executor)
         _write(finished_trade, places, choose_scheme(dark))
         set_advice(lambda: to_one_line(f"the outputs {', '.join(map(str, places))} are written"))
