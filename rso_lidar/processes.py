@@ -1,18 +1,29 @@
-"""Worker processes: a pool that calls one function, and clients of dask, whose cluster may be of other machines.
+"""Workers: pools of processes, clients of dask, and functions that are sent once to the workers of an executor.
 
-The pool sends the data that all calls share to each process once.
+An executor is one in the manner of `concurrent.futures`: a pool of threads or processes, or ``client.get_executor()`` of
+dask, whose cluster may be of other machines. What all calls share is sent to each worker once.
 """
 
 from __future__ import annotations
 
+import hashlib
 import importlib
+import math
 import os
 import pickle
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from itertools import islice
@@ -27,44 +38,33 @@ LOCAL = "local"  # a scheduler of dask that is started here
 _LOST_WORKERS = 16  # workers that may be killed under one task, before the task is taken for their cause
 _CONNECT_S = "20s"
 _WARNINGS = "PYTHONWARNINGS"
+_PARTS = 8  # of some values, for each worker: so that none waits long for the last one
 
-_work: Callable[..., Any]  # in a worker process: the function that it calls
+# In a worker: the function that it holds, under its SHA-256.
+_held: tuple[str, Callable[..., Any]] | None = None
+_holding = threading.Lock()
 
 
-class Processes:
-    """A pool of new processes that each hold one function; a context manager.
+class Processes(Executor):
+    """A pool of new processes; a context manager.
 
-    The function and the objects that it refers to must be picklable. A script that starts processes needs
+    Functions and arguments of calls must be picklable. A script that starts processes needs
     ``if __name__ == "__main__":`` around its own code, because each process imports the script.
     """
 
-    def __init__(self, count: int, function: Callable[..., Any]) -> None:
-        """Start the pool; raise `ScenarioError` if the function cannot be pickled, or this process is a daemon.
-
-        Parameters
-        ----------
-        function : called in each process with the arguments of `submit`
-        """
+    def __init__(self, count: int) -> None:
+        """Prepare the pool, whose processes start with the first calls; raise `ScenarioError` in a daemon process."""
         import multiprocessing
         from concurrent.futures import ProcessPoolExecutor
 
-        try:
-            sent = pickle.dumps(function, protocol=pickle.HIGHEST_PROTOCOL)
-        except Exception as error:  # whatever a user's own object raises that cannot be pickled
-            raise ScenarioError(
-                f"workers: the scenario cannot be sent to other processes ({error}); define what it names in a module, or "
-                "leave out workers"
-            ) from error
         if multiprocessing.current_process().daemon:
             raise ScenarioError("workers: a daemon process cannot start processes; leave out workers")
         fresh = multiprocessing.get_context("spawn")  # a forked process would inherit locks that other threads hold
-        # Sent by a file: a worker that dies early would leave its parent waiting at a full pipe.
-        self._count = count
+        self.count = count
         with ExitStack() as stack:
-            file = Path(stack.enter_context(make_temporary_folder()), "function")
-            file.write_bytes(sent)
+            self.folder = Path(stack.enter_context(make_temporary_folder()))
             _start_quiet_tracker()
-            self._pool = ProcessPoolExecutor(count, fresh, initializer=_begin, initargs=(str(file),))
+            self._pool = ProcessPoolExecutor(count, fresh, initializer=_begin)
             stack.enter_context(remove_on_signal(self.abandon))
             self._ending = stack.pop_all()
 
@@ -89,45 +89,156 @@ class Processes:
         if (queue := getattr(self._pool, "_call_queue", None)) is not None:
             queue._reader.close()
 
+    def submit(self, fn: Callable[..., Any], /, *given: Any, **chosen: Any) -> Future[Any]:
+        """Call a function in one of the processes, and return the future of its result."""
+        with defer_signals():  # Ctrl-C must not interrupt the imports of a worker that starts here
+            return self._pool.submit(fn, *given, **chosen)
+
+
+class SentFunction:
+    """A function that the workers of an executor hold, or the threads of a pool share.
+
+    `slots` is the number of calls that run at once.
+    """
+
+    def __init__(self, executor: Executor, function: Callable[..., Any]) -> None:
+        """Send the function; raise `ScenarioError` if it cannot be pickled."""
+        self._executor, self._waiting = executor, set[Future[Any]]()
+        self._content: tuple[Any, ...] = ()
+        self._options: dict[str, Any] = {}
+        client = getattr(executor, "_client", None)  # of dask
+        self.slots: int = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+        self._call: Callable[..., Any] = function
+        self._file: Path | None = None
+        if isinstance(executor, ThreadPoolExecutor):
+            return
+        # Dask's own pickle knows the classes of a user's script, which its workers do not import.
+        sent = _pickle(function, pickle.dumps if client is None else importlib.import_module("cloudpickle").dumps)
+        name = hashlib.sha256(sent).hexdigest()
+        content: Any = sent
+        if isinstance(executor, Processes):
+            # Sent by a file: a worker that dies early would leave its parent waiting at a full pipe.
+            self.slots, self._file = executor.count, executor.folder / name
+            self._file.write_bytes(sent)
+            content = self._file
+        elif client is not None:
+            # A task of its own: its result goes to each worker once, and is made again if a worker is killed.
+            self.slots = max(1, sum(client.nthreads().values()))
+            self._options = {"pure": False}  # a key from the arguments would cost more than some calls
+            content = client.submit(bytes, sent, **self._options)
+        self._call, self._content = partial(_call, name), (content,)
+
     def submit(self, *given: Any, **chosen: Any) -> Future[Any]:
-        """Call the function in one of the processes, and return the future of its result."""
+        """Call the function by a worker, and return the future of its result."""
         try:
-            with defer_signals():  # Ctrl-C must not interrupt the imports of a worker that starts here
-                return self._pool.submit(_call, *given, **chosen)
+            future = self._executor.submit(self._call, *self._content, *given, **chosen, **self._options)
         except BrokenExecutor as error:
             raise _lost() from error
+        self._waiting.add(future)
+        future.add_done_callback(self._waiting.discard)
+        return future
 
     @staticmethod
     def result(future: Future[Any]) -> Any:
-        """Wait for a result, or raise what the call raised; raise `RunError` if its process has ended."""
+        """Wait for a result, or raise what the call raised; raise `RunError` if its worker has ended."""
         try:
             return future.result()
         except BrokenExecutor as error:
             raise _lost() from error
+        except Exception as error:
+            if isinstance(error, CancelledError) or type(error).__module__.startswith("distributed."):
+                what = " ".join(f"{type(error).__name__}: {error}".split())
+                raise RunError(
+                    f"workers: a call was lost ({what:.200}); look at the scheduler and its workers"
+                ) from error
+            raise
 
     def map_unordered(self, values: Iterable[Any]) -> Iterator[Any]:
         """Call the function with each value, and yield each result when it is ready, in any order.
 
-        At most two calls for each process wait or run, so that memory does not grow with the number of values.
+        At most two calls for each worker wait or run, so that memory does not grow with the number of values.
         """
         left = iter(values)
         waiting: set[Future[Any]] = set()
         while True:
-            waiting |= {self.submit(value) for value in islice(left, 2 * self._count - len(waiting))}
+            waiting |= {self.submit(value) for value in islice(left, 2 * self.slots - len(waiting))}
             if not waiting:
                 return
             done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in done:
                 yield self.result(future)
 
+    def map_parts(self, values: Sequence[Any], *given: Any) -> list[Any]:
+        """Call the function with each of several parts of some values, and join the lists that it returns, in order.
 
-def check_workers(workers: Any) -> None:
-    """Raise `ScenarioError` unless `workers` is a whole number from 1, or None for this process alone."""
+        Parameters
+        ----------
+        given : further arguments of each call
+        """
+        each = 1 if not self._content else math.ceil(len(values) / (_PARTS * self.slots))
+        parts = [self.submit(values[first : first + each], *given) for first in range(0, len(values), max(each, 1))]
+        return [result for part in parts for result in self.result(part)]
+
+    def close(self) -> None:
+        """Cancel the calls that wait."""
+        for future in list(self._waiting):
+            future.cancel()
+        if self._file is not None:
+            self._file.unlink(missing_ok=True)
+
+
+@contextmanager
+def send_function(function: Callable[..., Any], executor: Executor) -> Iterator[SentFunction]:
+    """Send a function to the workers of an executor for the length of a context; calls that wait at its end are cancelled.
+
+    Parameters
+    ----------
+    function : called with the arguments of `SentFunction.submit`
+    executor : a pool of threads shares the function itself
+    """
+    sent = SentFunction(executor, function)
+    try:
+        yield sent
+    finally:
+        sent.close()
+
+
+@contextmanager
+def open_executor(
+    workers: int | None = None, *, executor: Executor | None = None, scheduler: str | None = None
+) -> Iterator[Executor | None]:
+    """Yield an executor: the one given, of dask, or a pool of new processes; None without any of them.
+
+    Parameters
+    ----------
+    workers : number of processes (None: none; for a local cluster of dask, one per core)
+    executor : is yielded as it is, and stays open
+    scheduler : of dask, as for `open_dask_client`
+    """
+    if executor is not None or (workers is None and scheduler is None):
+        yield executor
+    elif scheduler is not None:
+        with open_dask_client(scheduler, workers or os.cpu_count() or 1) as client:
+            yield client.get_executor()
+    else:
+        assert workers is not None
+        with Processes(workers) as processes:
+            yield processes
+
+
+def check_workers(workers: Any, executor: Any = None) -> None:
+    """Raise `ScenarioError` unless `workers` is a whole number from 1, or `executor` can be one; None for neither."""
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
+    if executor is not None and (workers is not None or not callable(getattr(executor, "submit", None))):
+        raise ScenarioError(
+            "executor: needs an Executor of concurrent.futures, or client.get_executor() of dask, and no workers"
+        )
 
 
-def map_unordered(function: Callable[[Any], Any], values: Iterable[Any], count: int) -> Iterator[Any]:
+def map_unordered(
+    function: Callable[[Any], Any], values: Iterable[Any], count: int, executor: Executor | None = None
+) -> Iterator[Any]:
     """Call a function with each value, and yield each result when it is ready, in any order.
 
     Parameters
@@ -135,37 +246,40 @@ def map_unordered(function: Callable[[Any], Any], values: Iterable[Any], count: 
     function : called with one value
     values : its arguments
     count : number of processes; this process alone works for less than two
+    executor : in place of processes
     """
-    if count < 2:
+    if count < 2 and executor is None:
         yield from map(function, values)
         return
-    with Processes(count, function) as processes:
-        yield from processes.map_unordered(values)
+    with open_executor(count, executor=executor) as workers:
+        assert workers is not None
+        with send_function(function, workers) as sent:
+            yield from sent.map_unordered(values)
 
 
-@contextmanager
-def call_in_background(
-    function: Callable[..., Any], count: int, *, in_processes: bool
-) -> Iterator[Callable[..., Callable[[], Any]]]:
-    """Yield a function that starts a call in the background and returns a function that waits for its result.
-
-    With one thread, the call is made where its result is waited for.
+def map_parts(function: Callable[[Any], list[Any]], values: Sequence[Any], executor: Executor | None) -> list[Any]:
+    """Call a function with parts of some values, and join the lists that it returns, in order.
 
     Parameters
     ----------
-    function : called with the arguments of the yielded one
-    count : number of threads or processes
-    in_processes : whether processes work instead of threads
+    function : called with a part
+    values : all of them
+    executor : whose workers call it (None: threads of this process, one per core)
     """
-    if not in_processes and count == 1:
-        yield lambda *given, **chosen: partial(function, *given, **chosen)
-        return
-    if not in_processes:
-        with ThreadPoolExecutor(count) as threads:
-            yield lambda *given, **chosen: threads.submit(function, *given, **chosen).result
-        return
-    with Processes(count, function) as processes:
-        yield lambda *given, **chosen: partial(processes.result, processes.submit(*given, **chosen))
+    with ExitStack() as stack:
+        workers = executor or stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
+        return stack.enter_context(send_function(function, workers)).map_parts(values)
+
+
+def _pickle(function: Callable[..., Any], dumps: Callable[..., bytes]) -> bytes:
+    """Pickle a function with all that it refers to, or raise `ScenarioError`."""
+    try:
+        return dumps(function, protocol=pickle.HIGHEST_PROTOCOL)
+    except Exception as error:  # whatever a user's own object raises that cannot be pickled
+        raise ScenarioError(
+            f"workers: the scenario cannot be sent to other processes ({error}); define what it names in a module, or "
+            "leave out workers"
+        ) from error
 
 
 def _start_quiet_tracker() -> None:
@@ -191,20 +305,15 @@ def _lost() -> RunError:
     )
 
 
-def _begin(file: str) -> None:
-    """Prepare a worker process: load its function from a file, and end when the parent process ends."""
+def _begin() -> None:
+    """Prepare a worker process, which ends when its parent process ends."""
     import multiprocessing
 
-    global _work  # noqa: PLW0603  # a worker process calls one function
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process decides when it ends
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     warnings.formatwarning = _format_warning
-    try:
-        _work = pickle.loads(Path(file).read_bytes())
-    except Exception as error:  # whatever a user's own object raises
-        _work = partial(_refuse, f"{type(error).__name__}: {error}")
 
 
 def _format_warning(message: Warning | str, *_place: Any, **_more: Any) -> str:
@@ -217,29 +326,22 @@ def _format_warning(message: Warning | str, *_place: Any, **_more: Any) -> str:
     return f"warning: {message}\n"
 
 
-def _refuse(problem: str, *_given: Any, **_chosen: Any) -> Any:
-    """Raise the error of a scenario that cannot be rebuilt in a worker; it takes the place of the worker's function.
-
-    Raises
-    ------
-    ScenarioError
-        Always.
-    """
-    raise ScenarioError(
-        f"workers: the scenario cannot be rebuilt in another process ({problem}); correct how its objects are pickled, or "
-        "leave out workers"
-    )
-
-
 def _end_with(parent: Any) -> None:
     """End this process when its parent has ended, even if the parent was killed."""
     parent.join()
     os._exit(1)
 
 
-def _call(*given: Any, **chosen: Any) -> Any:
+def _call(name: str, content: Path | bytes, *given: Any, **chosen: Any) -> Any:
+    """Call, in a worker, a function that was sent.
+
+    Parameters
+    ----------
+    name, content : SHA-256 of the pickled function, and where it is, or itself
+    """
+    function = _hold(name, content)
     try:
-        return _work(*given, **chosen)
+        return function(*given, **chosen)
     except Exception as error:
         try:
             pickle.loads(pickle.dumps(error))
@@ -247,6 +349,21 @@ def _call(*given: Any, **chosen: Any) -> Any:
             what = f"{type(error).__name__}: {error}"
             raise RunError(f"workers: a call raised {what}; leave out workers to see where") from None
         raise
+
+
+def _hold(name: str, content: Path | bytes) -> Callable[..., Any]:
+    """Return a function that was sent; it is held until another one is called."""
+    global _held  # noqa: PLW0603  # a worker holds one function
+    with _holding:
+        if _held is None or _held[0] != name:
+            try:
+                _held = name, pickle.loads(content if isinstance(content, bytes) else content.read_bytes())
+            except Exception as error:  # whatever a user's own object raises
+                raise ScenarioError(
+                    f"workers: the scenario cannot be rebuilt in another process ({type(error).__name__}: {error}); correct "
+                    "how its objects are pickled, or leave out workers"
+                ) from error
+        return _held[1]
 
 
 @contextmanager
@@ -264,9 +381,14 @@ def open_dask_client(scheduler: str, workers: int, error: type[RsoLidarError] = 
     except ImportError:
         raise error('--engine dask: needs dask; install the extra: pip install "rso-lidar[dask]"') from None
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": _LOST_WORKERS}))
+        settings = {
+            "distributed.scheduler.allowed-failures": _LOST_WORKERS,
+            "distributed.admin.large-graph-warning-threshold": "4GiB",  # a scenario is sent once
+        }
+        stack.enter_context(dask.config.set(settings))
         try:
             if scheduler == LOCAL:
+                _start_quiet_tracker()
                 options: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
                 cluster = stack.enter_context(distributed.LocalCluster(n_workers=workers, **options))
                 client = stack.enter_context(distributed.Client(cluster))

@@ -3,11 +3,13 @@
 import contextlib
 import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import textwrap
 import time
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +18,17 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RunError, ScenarioError, warn
-from rso_lidar.processes import Processes
+from rso_lidar.mission_analysis import find_range
+from rso_lidar.processes import Processes, send_function
+from rso_lidar.study import Requirements
+from tests.study.trades.trade_for_tests import folder_with
+from tests.study.verification.requirements_for_tests import FILE
+
+
+@contextlib.contextmanager
+def sent_to_processes(count, function):
+    with Processes(count) as processes, send_function(function, processes) as sent:
+        yield sent
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +51,8 @@ def test_an_object_that_cannot_be_pickled_is_told(scenario):
     with pytest.raises(
         ScenarioError, match=r"workers: the scenario cannot be sent .*\(not to be copied\); .*leave out workers"
     ):
-        Processes(1, Stubborn().states)
+        with sent_to_processes(1, Stubborn().states):
+            pass
 
 
 class Restless(Stubborn):
@@ -53,18 +66,18 @@ class Restless(Stubborn):
 
 
 def test_an_object_that_cannot_be_restored_is_told():
-    with Processes(1, Restless().states) as processes:
-        future = processes.submit(None)
+    with sent_to_processes(1, Restless().states) as sent:
+        future = sent.submit(None)
         with pytest.raises(
             ScenarioError, match=r"cannot be rebuilt in another process \(ValueError: not to be restored\)"
         ):
-            processes.result(future)
+            sent.result(future)
 
 
 def test_every_value_gives_a_result():
-    with Processes(2, abs) as processes:
-        assert sorted(processes.map_unordered(range(-9, 1))) == list(range(10))
-        assert list(processes.map_unordered(())) == []
+    with sent_to_processes(2, abs) as sent:
+        assert sorted(sent.map_unordered(range(-9, 1))) == list(range(10))
+        assert list(sent.map_unordered(())) == []
 
 
 class OddError(Exception):
@@ -79,10 +92,10 @@ def raise_odd():
 
 
 def test_an_exception_that_cannot_be_restored_is_told():
-    with Processes(1, raise_odd) as processes:
-        future = processes.submit()
+    with sent_to_processes(1, raise_odd) as sent:
+        future = sent.submit()
         with pytest.raises(RunError, match=r"workers: a call raised OddError: one; leave out workers to see where"):
-            processes.result(future)
+            sent.result(future)
 
 
 @dataclass(frozen=True)
@@ -103,9 +116,37 @@ def test_workers_take_a_material_of_the_users_own(scenario):
     np.testing.assert_array_equal(alone.range_m, shared.range_m)
 
 
-def test_workers_make_the_same_frames_as_threads(scenario):
-    alone = list(rl.simulate(scenario, threads=1, frames=range(20, 27), keep=("photons", "waveforms")))
-    found = list(rl.simulate(scenario, workers=2, frames=range(20, 27), keep=("photons", "waveforms")))
+class Elsewhere(Executor):
+    """Calls received as on another machine, pickled, by two threads; counts them."""
+
+    _max_workers = 2
+
+    def __init__(self):
+        self.threads, self.submitted = ThreadPoolExecutor(2), 0
+
+    def submit(self, fn, /, *given, **chosen):
+        self.submitted += 1
+        return self.threads.submit(call_pickled, pickle.dumps((fn, given, chosen)))
+
+    def shutdown(self, wait=True, *, cancel_futures=False):
+        self.threads.shutdown(wait)
+
+
+def call_pickled(sent):
+    fn, given, chosen = pickle.loads(sent)
+    return pickle.loads(pickle.dumps(fn(*given, **chosen)))
+
+
+@pytest.fixture(scope="module")
+def alone(scenario):
+    return list(rl.simulate(scenario, threads=1, frames=range(20, 27), keep=("photons", "waveforms")))
+
+
+@pytest.mark.parametrize("engine", [lambda: Processes(2), lambda: ThreadPoolExecutor(2), Elsewhere])
+def test_any_executor_makes_the_same_frames_as_one_thread(scenario, alone, engine):
+    with engine() as executor:
+        chosen = {"frames": range(20, 27), "keep": ("photons", "waveforms")}
+        found = list(rl.simulate(scenario, executor=executor, **chosen))
     assert [frame.index for frame in found] == list(range(20, 27))
     for one, other in zip(alone, found, strict=True):
         assert one.range_m.tobytes() == other.range_m.tobytes()
@@ -117,6 +158,51 @@ def test_workers_make_the_same_frames_as_threads(scenario):
         assert not any(image.flags.writeable for image in (other.range_m, other.labels.range_m, other.labels.photons))
         np.testing.assert_array_equal(one.kept["photons"].photons, other.kept["photons"].photons)
         np.testing.assert_array_equal(one.kept["waveforms"].samples_counts, other.kept["waveforms"].samples_counts)
+
+
+def test_at_most_two_frames_for_each_worker_wait(scenario):
+    with Elsewhere() as executor:
+        for number, _ in enumerate(rl.simulate(scenario, executor=executor, frames=range(7))):
+            assert executor.submitted - number == min(4, 7 - number)
+
+
+FAST = rl.Lidar(
+    preset="gsfl_1064",
+    detector=rl.Empirical(),
+    receiver={"fov_deg": 0.625, "n_rows": 32, "n_cols": 32, "rays_per_pixel": 100},
+)
+
+
+def find_a_cubesat(_folder, _text, executor):
+    """Beyond the range at which it is found with the wanted probability: no attitude is turned, which takes longest."""
+    return find_range(FAST, "cubesat_3u", attitudes=12, range_m=(1300.0, 1500.0), executor=executor)
+
+
+def make_a_timeline(_folder, text, executor):
+    glare = "f_number = 2.8\nfilter_width_nm = 1.0\nglare = {}"
+    sunny = text.replace("f_number = 2.8", glare).replace(
+        'axes = "local"', 'axes = "local"\nsun_direction = [-1, 0, 0.1]'
+    )
+    return rl.timeline(rl.Scenario.loads(sunny), executor=executor)
+
+
+def run_a_trade(folder, text, executor):
+    return rl.study.trade(folder_with(folder, text), executor=executor)
+
+
+def verify_a_scenario(_folder, text, executor):
+    asked = Requirements.loads(FILE.replace("[[requirement]]", "seeds = 2\n[[requirement]]", 1))
+    scenario = rl.Scenario.loads(text, settings=("time.duration_s=1",))
+    return rl.study.verify(asked, scenario, executor=executor)
+
+
+@pytest.mark.parametrize("work", [find_a_cubesat, make_a_timeline, run_a_trade, verify_a_scenario])
+def test_an_executor_changes_no_bit_of(work, text, tmp_path):
+    with Elsewhere() as executor:
+        result = work(tmp_path, text, executor)
+    assert executor.submitted > 1
+    written = [it.save(tmp_path / f"{k}.csv").read_bytes() for k, it in enumerate((result, work(tmp_path, text, None)))]
+    assert written[0] == written[1]
 
 
 @pytest.mark.slow
@@ -142,6 +228,10 @@ def test_a_zoom_and_a_plan_travel_to_the_workers(text):
         ({"threads": -1}, "threads: needs a whole number"),
         ({"workers": 2, "threads": 2}, "threads or by workers"),
         ({"workers": 2, "controller": lambda observation: None}, "leave out workers"),
+        ({"executor": 2}, "executor: needs an Executor"),
+        ({"executor": Elsewhere(), "workers": 2}, "executor: needs an Executor of .* and no workers"),
+        ({"executor": Elsewhere(), "threads": 2}, "threads or by workers"),
+        ({"executor": Elsewhere(), "controller": lambda observation: None}, "leave out workers"),
     ],
 )
 def test_what_cannot_be_asked_is_told_before_anything_starts(scenario, asked, words):
@@ -151,13 +241,14 @@ def test_what_cannot_be_asked_is_told_before_anything_starts(scenario, asked, wo
 
 def test_what_cannot_be_sent_is_named():
     with pytest.raises(ScenarioError, match="workers: the scenario cannot be sent to other processes"):
-        Processes(1, lambda: 0)
+        with sent_to_processes(1, lambda: 0):
+            pass
 
 
 def test_a_daemon_is_told_that_it_may_start_none(monkeypatch):
     monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)
     with pytest.raises(ScenarioError, match="workers: a daemon process cannot start processes"):
-        Processes(1, os.getpid)
+        Processes(1)
 
 
 def fails(scenario_error):
@@ -167,16 +258,16 @@ def fails(scenario_error):
 
 
 def test_an_error_in_a_worker_comes_back_as_it_is():
-    with Processes(1, fails) as processes, pytest.raises(ScenarioError, match=r"^tdrs: gone; look elsewhere$"):
-        processes.result(processes.submit(True))
+    with sent_to_processes(1, fails) as sent, pytest.raises(ScenarioError, match=r"^tdrs: gone; look elsewhere$"):
+        sent.result(sent.submit(True))
 
 
 def test_a_worker_that_dies_is_told_in_one_line():
-    with Processes(1, fails) as processes:
+    with sent_to_processes(1, fails) as sent:
         with pytest.raises(RunError, match="workers: a process ended before its frame was made"):
-            processes.result(processes.submit(False))
+            sent.result(sent.submit(False))
         with pytest.raises(RunError, match="workers: a process ended"):
-            processes.submit(True)
+            sent.submit(True)
 
 
 def test_leaving_early_ends_the_workers(scenario):
@@ -193,14 +284,13 @@ def test_a_parent_that_is_killed_leaves_no_worker_behind(tmp_path):
         textwrap.dedent(
             """
             import time
-            from functools import partial
             from rso_lidar.processes import Processes
 
             if __name__ == "__main__":
-                with Processes(2, partial(time.sleep, 600)) as processes:
-                    waiting = [processes.submit() for _ in range(2)]
+                with Processes(2) as processes:
+                    waiting = [processes.submit(time.sleep, 600) for _ in range(2)]
                     print("started", flush=True)
-                    processes.result(waiting[0])
+                    waiting[0].result()
             """
         )
     )
@@ -220,10 +310,10 @@ def test_a_parent_that_is_killed_leaves_no_worker_behind(tmp_path):
 UNGUARDED = """
 import time
 from functools import partial
-from rso_lidar.processes import Processes
+from rso_lidar.processes import Processes, send_function
 
-with Processes(2, partial(time.sleep, bytes(1_000_000))) as processes:
-    processes.result(processes.submit())
+with Processes(2) as processes, send_function(partial(time.sleep, bytes(1_000_000)), processes) as sent:
+    sent.result(sent.submit())
 """
 
 
@@ -257,9 +347,9 @@ def waits(_data):
 
 
 def test_leaving_early_ends_a_call_that_waits_at_a_full_pipe():
-    with pytest.raises(KeyError), Processes(1, waits) as processes:
+    with pytest.raises(KeyError), sent_to_processes(1, waits) as sent:
         for _ in range(4):
-            processes.submit(bytes(300_000))  # a pipe holds 65,536
+            sent.submit(bytes(300_000))  # a pipe holds 65,536
         raise KeyError
 
 
@@ -268,6 +358,6 @@ def warns(word):
 
 
 def test_a_warning_of_a_worker_is_one_line_without_a_place_in_the_source(capfd):
-    with Processes(1, warns) as processes:
-        processes.result(processes.submit("1,370 m across"))
+    with sent_to_processes(1, warns) as sent:
+        sent.result(sent.submit("1,370 m across"))
     assert capfd.readouterr().err == "warning: tdrs: 1,370 m across\n"

@@ -50,6 +50,19 @@ Camera = Annotated[
         autocompletion=lambda: list(load_presets()),
     ),
 ]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        min=1,
+        max=256,
+        help="Processes in place of threads; changes no result. They start in some seconds, and pay from a minute on.",
+    ),
+]
+Engine = Annotated[
+    str,
+    typer.Option("--engine", metavar="pool|dask", help="What does the work: --workers on this machine, or dask."),
+]
 Scheduler = Annotated[
     str | None,
     typer.Option("--scheduler", metavar="ADDRESS|local", help="Scheduler of dask; local starts one, with --workers."),

@@ -1,5 +1,6 @@
 """`rso-lidar budget`: closed-form link budget of a pixel that the target fills, and how far a whole body is found."""
 
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,10 +10,14 @@ import typer
 from rso_lidar.cli.arguments import (
     CameraName,
     Dark,
+    Engine,
     Overwrite,
+    Scheduler,
     Settings,
     TrustCode,
     TrustFmu,
+    Workers,
+    choose_scheduler,
     choose_scheme,
     load_camera,
     parse_length_m,
@@ -22,6 +27,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable
 from rso_lidar.mission_analysis import find_range
 from rso_lidar.picture import RESULT_SUFFIXES, Scheme
+from rso_lidar.processes import open_executor
 from rso_lidar.scenario import Finding, Lidar, Scenario, load_presets
 from rso_lidar.study import budget as worked_out
 
@@ -72,6 +78,9 @@ def budget(
         str | None,
         typer.Option("--attitudes", metavar="N|run", help="With --find: number of attitudes, or those of the run."),
     ] = None,
+    workers: Workers = None,
+    engine: Engine = "pool",
+    scheduler: Scheduler = None,
     settings: Settings = None,
     trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
@@ -93,24 +102,28 @@ def budget(
         "--target-m": target_m,
         "--facet-m2": facet_m2,
     }
+    by = choose_scheduler(engine, scheduler)
     of_body = {"--pixels": pixels, "--flashes": flashes, "--attitudes": attitudes}
+    of_body |= {"--workers": workers, "--engine": by and engine}
     for name, given in (of_body if find is None else of_pixel).items():
         if given is not None and given != []:
             cure = "leave it out, or add --find" if find is None else "leave it out, or leave out --find"
             raise ScenarioError(f"{name}: is for {'a whole body' if find is None else 'one pixel'}; {cure}")
     loaded = load_camera(camera, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
     if find is not None:
-        _find(
-            loaded,
-            find,
-            probability=0.9 if probability is None else probability,
-            range_m=None if range_ is None else _parse_range_m(range_),
-            pixels=pixels,
-            flashes=flashes,
-            attitudes=attitudes,
-            output=output,
-            scheme=scheme,
-        )
+        with open_executor(workers, scheduler=by) as executor:
+            _find(
+                loaded,
+                find,
+                probability=0.9 if probability is None else probability,
+                range_m=None if range_ is None else _parse_range_m(range_),
+                pixels=pixels,
+                flashes=flashes,
+                attitudes=attitudes,
+                executor=executor,
+                output=output,
+                scheme=scheme,
+            )
         return
     link_budget = worked_out(
         loaded,
@@ -141,6 +154,7 @@ def _find(
     pixels: int | None,
     flashes: str | None,
     attitudes: str | None,
+    executor: Executor | None,
     output: Path | None,
     scheme: Scheme,
 ) -> None:
@@ -148,7 +162,7 @@ def _find(
 
     Parameters
     ----------
-    camera, body, probability, range_m : as for `find_range`
+    camera, body, probability, range_m, executor : as for `find_range`
     output : picture or table, None for neither
     """
     finding = camera.finding if isinstance(camera, Scenario) else Finding()
@@ -164,7 +178,7 @@ def _find(
             raise ScenarioError(f"--flashes {flashes}: is not k of n; give 1 to n of at most 1000 flashes")
         finding = finding.replace(needed=int(needed), flashes=int(every))
     in_run = attitudes == "run"
-    chosen: dict[str, Any] = {"probability": probability, "range_m": range_m, "in_run": in_run}
+    chosen: dict[str, Any] = {"probability": probability, "range_m": range_m, "in_run": in_run, "executor": executor}
     if attitudes is not None and not in_run:
         if not (attitudes.isascii() and attitudes.isdigit()) or not 1 <= int(attitudes) <= 100_000:
             raise ScenarioError(f"--attitudes {attitudes}: is not a number of attitudes; give 1 to 100000, or run")

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import dataset
-from rso_lidar.cli.arguments import Scheduler, TrustCode, TrustFmu, choose_scheduler
+from rso_lidar.cli.arguments import Engine, Scheduler, TrustCode, TrustFmu, choose_scheduler
 from rso_lidar.cli.progress import Bar, announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import DatasetError
@@ -26,12 +26,7 @@ def make(
             help="Number of processes (default: one per core); does not change the bytes of the dataset.",
         ),
     ] = None,
-    engine: Annotated[
-        str,
-        typer.Option(
-            "--engine", metavar="pool|dask", help="Engine that makes the shards: processes on this machine, or dask."
-        ),
-    ] = "pool",
+    engine: Engine = "pool",
     scheduler: Scheduler = None,
     shards: Annotated[
         str | None,

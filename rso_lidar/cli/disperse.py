@@ -1,14 +1,13 @@
 """`rso-lidar disperse`: a mission flown many times with errors, by runs and by linear covariance."""
 
-import os
-from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from rso_lidar.cli.arguments import (
     Dark,
+    Engine,
     Overwrite,
     ScenarioFile,
     Scheduler,
@@ -16,6 +15,7 @@ from rso_lidar.cli.arguments import (
     Settings,
     TrustCode,
     TrustFmu,
+    Workers,
     choose_scheduler,
     choose_scheme,
     join_settings,
@@ -25,7 +25,7 @@ from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import set_advice
 from rso_lidar.picture import RESULT_SUFFIXES
-from rso_lidar.processes import open_dask_client
+from rso_lidar.processes import open_executor
 from rso_lidar.scenario import Scenario
 from rso_lidar.study import disperse as disperse_mission
 
@@ -43,12 +43,8 @@ def disperse(
     ] = None,
     tubes: Annotated[Path | None, typer.Option("--tubes", help="Table of the spreads over time (.csv).")] = None,
     target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the one approached).")] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", min=1, max=256, help="Processes; changes no result.")
-    ] = None,
-    engine: Annotated[
-        str, typer.Option("--engine", metavar="pool|dask", help="Engine that flies the runs: processes here, or dask.")
-    ] = "pool",
+    workers: Workers = None,
+    engine: Engine = "pool",
     scheduler: Scheduler = None,
     seed: Seed = None,
     settings: Settings = None,
@@ -69,12 +65,10 @@ def disperse(
     scenario = Scenario.load(file, join_settings(settings, seed), trust_code=trust_code, trust_fmu=trust_fmu)
     working = output.with_name(f".{output.stem}.runs")
     set_advice(lambda: to_one_line(f"finished runs are kept beside {output}; the same command goes on"))
-    with count_steps("dispersing", "run") as step, ExitStack() as stack:
-        how: dict[str, Any] = {"workers": workers}
-        if by is not None:
-            client = stack.enter_context(open_dask_client(by, workers or os.cpu_count() or 1))
-            how = {"executor": client.get_executor()}
-        dispersed_mission = disperse_mission(scenario, runs, target=target, working=working, on_runs=step, **how)
+    with count_steps("dispersing", "run") as step, open_executor(workers, scheduler=by) as executor:
+        dispersed_mission = disperse_mission(
+            scenario, runs, target=target, working=working, on_runs=step, executor=executor
+        )
     dispersed_mission.save(output, scheme)
     if tubes is not None:
         dispersed_mission.save_tubes(tubes)

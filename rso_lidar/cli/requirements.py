@@ -1,17 +1,28 @@
 """`rso-lidar requirements`: a scenario, a study or a recording verified against a file of requirements."""
 
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.arguments import Overwrite, Settings, TrustCode, TrustFmu
+from rso_lidar.cli.arguments import (
+    Engine,
+    Overwrite,
+    Scheduler,
+    Settings,
+    TrustCode,
+    TrustFmu,
+    Workers,
+    choose_scheduler,
+)
 from rso_lidar.cli.progress import announce_compiling, count_steps
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable
 from rso_lidar.part import parse_toml
+from rso_lidar.processes import open_executor
 from rso_lidar.scenario import Scenario, read_toml
 from rso_lidar.study import Requirements, Study, VerificationMatrix, verify
 
@@ -29,9 +40,9 @@ def requirements(
     output: Annotated[
         list[Path] | None, typer.Option("-o", "--output", help="Verification matrix (.csv, .json); may be repeated.")
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", min=1, max=256, help="Processes of a study; changes no result.")
-    ] = None,
+    workers: Workers = None,
+    engine: Engine = "pool",
+    scheduler: Scheduler = None,
     settings: Settings = None,
     trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
@@ -42,8 +53,13 @@ def requirements(
     The exit status is 0 if all are met, and 1 if one is not met or not shown.
     """
     places = [check_writable(place, VerificationMatrix.SUFFIXES, overwrite=overwrite) for place in output or ()]
+    by = choose_scheduler(engine, scheduler)
+    if subject.suffix.lower() != ".toml" and (workers is not None or by is not None):
+        option = "--workers" if by is None else "--engine dask"
+        raise ScenarioError(f"{option}: is for a scenario or a study; a recording is only read; leave it out")
     asked = Requirements.load(file)
-    matrix = _verify(asked, subject, tuple(settings or ()), workers, trust_code=trust_code, trust_fmu=trust_fmu)
+    with open_executor(workers, scheduler=by) as executor:
+        matrix = _verify(asked, subject, tuple(settings or ()), executor, trust_code=trust_code, trust_fmu=trust_fmu)
     for place in places:
         matrix.save(place, overwrite=overwrite)
     echo(matrix.table())
@@ -57,7 +73,7 @@ def _verify(
     asked: Requirements,
     subject: Path,
     settings: tuple[str, ...],
-    workers: int | None,
+    executor: Executor | None,
     *,
     trust_code: bool,
     trust_fmu: bool,
@@ -76,8 +92,6 @@ def _verify(
     if (trust_code or trust_fmu) and not is_toml:
         option = "--trust-code" if trust_code else "--trust-fmu"
         raise ScenarioError(f"{option}: is for a scenario or a study; a recording runs no code; leave it out")
-    if workers is not None and not is_study:
-        raise ScenarioError("--workers: is for a study; leave it out")
     with announce_compiling():
         if not is_toml:
             with export.open(subject) as read, count_steps("reading", "frame") as step:
@@ -87,12 +101,11 @@ def _verify(
                 return verify(
                     asked,
                     Study.load(subject),
-                    workers=workers,
+                    executor=executor,
                     on_step=step,
                     trust_code=trust_code,
                     trust_fmu=trust_fmu,
                 )
         with count_steps("simulating", "frame") as step:
-            return verify(
-                asked, Scenario.load(subject, settings, trust_code=trust_code, trust_fmu=trust_fmu), on_step=step
-            )
+            scenario = Scenario.load(subject, settings, trust_code=trust_code, trust_fmu=trust_fmu)
+            return verify(asked, scenario, executor=executor, on_step=step)

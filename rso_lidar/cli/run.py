@@ -3,7 +3,7 @@
 import glob
 import importlib.metadata
 import time
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -12,13 +12,17 @@ import typer
 
 from rso_lidar import export
 from rso_lidar.cli.arguments import (
+    Engine,
     Overwrite,
     ScenarioFile,
+    Scheduler,
     Seed,
     Settings,
     Threads,
     TrustCode,
     TrustFmu,
+    Workers,
+    choose_scheduler,
     join_settings,
 )
 from rso_lidar.cli.live_options import Live, LiveAt, LiveOrigin, LiveWith, open_live_view, report_live_view
@@ -26,6 +30,7 @@ from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import set_advice
+from rso_lidar.processes import open_executor
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario, parse_frames
 from rso_lidar.simulation import simulate
@@ -42,10 +47,9 @@ def run(
     ] = None,
     seed: Seed = None,
     threads: Threads = None,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", min=1, max=256, help="Processes in place of threads, for long runs on many cores."),
-    ] = None,
+    workers: Workers = None,
+    engine: Engine = "pool",
+    scheduler: Scheduler = None,
     settings: Settings = None,
     trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
@@ -65,11 +69,13 @@ def run(
     live_origin: LiveOrigin = None,
 ) -> None:
     """Simulate a scenario and record its frames with truth and labels."""
+    by = choose_scheduler(engine, scheduler)
+    if threads is not None and (workers is not None or by is not None):
+        other = "--workers" if by is None else "--engine dask"
+        raise ScenarioError(f"--threads and {other}: frames are made by one or the other; leave out one")
     scenario = Scenario.load(file, join_settings(settings, seed), trust_code=trust_code, trust_fmu=trust_fmu)
     numbers = scenario.time.choose_frames(parse_frames(frames))
     kept = _parse_keep(keep)
-    if threads is not None and workers is not None:
-        raise ScenarioError("--threads and --workers: frames are made by one or the other; leave out one")
     if resume and not overwrite and _is_complete(output, scenario, numbers, kept):
         echo(f"complete    {output} holds all {len(numbers)} frames already")
         return
@@ -99,9 +105,11 @@ def run(
         if done:
             echo(f"continuing after {done} of {len(numbers)} frames")
         if done < len(numbers):
-            with announce_compiling(), show_progress(len(numbers), done) as bar:
+            with open_executor(workers, scheduler=by) as executor, ExitStack() as stack:
+                stack.enter_context(announce_compiling())
+                bar = stack.enter_context(show_progress(len(numbers), done))
                 left = numbers[done:].tolist()
-                for frame in simulate(scenario, frames=left, threads=threads, workers=workers, keep=kept):
+                for frame in simulate(scenario, frames=left, threads=threads, executor=executor, keep=kept):
                     recorder.write(frame)
                     if view is not None:
                         view.show(frame)

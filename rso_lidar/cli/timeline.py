@@ -8,11 +8,15 @@ import typer
 
 from rso_lidar.cli.arguments import (
     Dark,
+    Engine,
     Overwrite,
     ScenarioFile,
+    Scheduler,
     Settings,
     TrustCode,
     TrustFmu,
+    Workers,
+    choose_scheduler,
     choose_scheme,
     name_options,
 )
@@ -21,6 +25,7 @@ from rso_lidar.files import check_writable
 from rso_lidar.mission_analysis import Timeline
 from rso_lidar.mission_analysis import timeline as timeline_of
 from rso_lidar.picture import RESULT_SUFFIXES
+from rso_lidar.processes import open_executor
 from rso_lidar.scenario import Scenario
 from rso_lidar.ties import find_first_least
 
@@ -40,6 +45,9 @@ def timeline(
         typer.Option("--every", metavar="S", help="Seconds from row to row, in whole frames; and the last frame."),
     ] = None,
     target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
+    workers: Workers = None,
+    engine: Engine = "pool",
+    scheduler: Scheduler = None,
     settings: Settings = None,
     trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
@@ -52,9 +60,10 @@ def timeline(
     """
     output = check_writable(output or Path(f"{file.stem}_timeline.png"), RESULT_SUFFIXES, overwrite=overwrite)
     scheme = choose_scheme(dark, [output])
+    by = choose_scheduler(engine, scheduler)
     scenario = Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
-    with name_options("every_s"):
-        history = timeline_of(scenario, target, every_s=every_s)
+    with name_options("every_s"), open_executor(workers, scheduler=by) as executor:
+        history = timeline_of(scenario, target, every_s=every_s, executor=executor)
     history.save(output, scheme)
     mirrored = any(
         material.is_retro

@@ -7,7 +7,17 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import Dark, Overwrite, TrustCode, TrustFmu, choose_scheme
+from rso_lidar.cli.arguments import (
+    Dark,
+    Engine,
+    Overwrite,
+    Scheduler,
+    TrustCode,
+    TrustFmu,
+    Workers,
+    choose_scheduler,
+    choose_scheme,
+)
 from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
@@ -15,6 +25,7 @@ from rso_lidar.export import check_parquet
 from rso_lidar.files import check_suffix, check_writable, write_atomically
 from rso_lidar.interruption import set_advice
 from rso_lidar.picture import Scheme
+from rso_lidar.processes import open_executor
 from rso_lidar.study import Study, Trade, TradeRun
 
 
@@ -30,12 +41,9 @@ def trade(
             "beside each other.",
         ),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers", min=1, max=256, help="Processes that work through points at once; changes no result."
-        ),
-    ] = None,
+    workers: Workers = None,
+    engine: Engine = "pool",
+    scheduler: Scheduler = None,
     min_detection_fraction: Annotated[
         float | None,
         typer.Option(
@@ -53,6 +61,7 @@ def trade(
 
     The results are a table (.csv) and a report (.html).
     """
+    by = choose_scheduler(engine, scheduler)
     study = Study.load(file)
     if min_detection_fraction is not None:
         if not 0.0 <= min_detection_fraction <= 1.0:
@@ -67,7 +76,7 @@ def trade(
     for place in places:
         if place.suffix.lower() == ".parquet":
             check_parquet(place)
-    run = TradeRun(study, workers=workers, working=places[0], trust_code=trust_code, trust_fmu=trust_fmu)
+    run = TradeRun(study, working=places[0], trust_code=trust_code, trust_fmu=trust_fmu)
     if new:
         _make_folder(places[0].parent)
     kept = run.kept
@@ -78,11 +87,11 @@ def trade(
     set_advice(
         lambda: to_one_line(f"{run.n_done:,} of {run.n_rows:,} runs are kept in {kept}; the same command goes on")
     )
-    with run:
+    with open_executor(workers, scheduler=by) as executor, run:
         if run.n_done:
             echo(f"continuing after {run.n_done:,} of {run.n_rows:,} runs")
         with announce_compiling(), show_progress(run.n_rows, run.n_done, "trading", of="run") as bar:
-            finished_trade = run.finish(lambda *_: bar.advance())
+            finished_trade = run.finish(lambda *_: bar.advance(), executor=executor)
         _write(finished_trade, places, choose_scheme(dark))
         set_advice(lambda: to_one_line(f"the outputs {', '.join(map(str, places))} are written"))
         kept.unlink(missing_ok=True)

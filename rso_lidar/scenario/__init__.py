@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         find_probability,
         list_run_attitudes,
         move_target,
+        open_aspects,
         spread_attitudes,
     )
     from rso_lidar.scenario.scenario import (
@@ -152,6 +153,7 @@ __all__ = [
     "load_presets",
     "move_target",
     "name_fragments",
+    "open_aspects",
     "parse_frames",
     "place_hull",
     "preview_mission",

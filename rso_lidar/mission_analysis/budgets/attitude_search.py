@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack
 from itertools import product
+from typing import Self
 
 import numpy as np
 
@@ -17,9 +20,9 @@ from rso_lidar.scenario import (
     Lidar,
     Scenario,
     cast_surfaces,
-    find_aspects,
     list_run_attitudes,
     move_target,
+    open_aspects,
     preview_mission,
     spread_attitudes,
 )
@@ -35,15 +38,23 @@ _MOST_ALIGNED_DEG = 10.0  # an axis closer than this to a direction is described
 
 
 class AttitudeSearch:
-    """Probabilities of one body before one camera, at any range."""
+    """Probabilities of one body before one camera, at any range; a context manager, which may hold workers."""
 
     def __init__(
-        self, lidar: Lidar, scenario: Scenario, number: int, finding: Finding, attitudes: int, *, in_run: bool
+        self,
+        lidar: Lidar,
+        scenario: Scenario,
+        number: int,
+        finding: Finding,
+        attitudes: int,
+        *,
+        in_run: bool,
+        executor: Executor | None = None,
     ) -> None:
-        """Prepare the attitudes."""
+        """Prepare the attitudes, and the threads or workers that evaluate them."""
         with suppress_warnings():
             self._preview = preview_mission(scenario)
-        self._lidar, self._scenario, self._number, self._finding = lidar, scenario, number, finding
+        self._lidar, self._scenario, self._number = lidar, scenario, number
         self._surfaces = scenario.surfaces_of(number)
         self.radius_m = self._preview.targets[number].radius_m
         matrices, self._phases = spread_attitudes(attitudes)
@@ -55,6 +66,14 @@ class AttitudeSearch:
             if not self._attitudes:
                 raise ScenarioError("attitudes of the run: the lidar is always at the target's origin; leave them out")
         self._known: dict[tuple[float, int], float] = {}
+        self._context = ExitStack()
+        self._find = self._context.enter_context(open_aspects(self._surfaces, number, finding, executor))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._context.close()
 
     def over_attitudes(self, range_m: float, n: int) -> float:
         """Return the probability at a range [m], the mean over the first `n` attitudes, or some of a run's."""
@@ -118,7 +137,7 @@ class AttitudeSearch:
         truths = [self._place(attitude, range_m, phase) for attitude, phase in zip(attitudes, phases, strict=True)]
         covered = math.pi * (self.radius_m / range_m / lidar.receiver.pixel_tangent) ** 2
         finest = max(math.isqrt(int(_MOST_RAYS / max(covered, 1.0))), 1)
-        return find_aspects(lidar, self._surfaces, self._number, truths, self._finding, finest)
+        return self._find(lidar, truths, finest)
 
     def _place(self, attitude: Attitude, range_m: float, phase: np.ndarray) -> Truth:
         """Return the truth of the body in one pose at a range [m], at a place (right_down) in the pixel grid."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import math
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M
 from rso_lidar.motion import Fixed
 from rso_lidar.picture import SavedResult
 from rso_lidar.pose import quaternion_xyzw
+from rso_lidar.processes import check_workers
 from rso_lidar.scenario import Finding, Follower, Lidar, Scenario, Target, Time, World
 
 _SCAN_RATIO, _SCANNED_ATTITUDES = 1.35, 24  # of the ranges of the first scan, and attitudes at each
@@ -146,6 +148,7 @@ def find_range(
     range_m: tuple[float, float] | None = None,
     attitudes: int = 256,
     in_run: bool = False,
+    executor: Executor | None = None,
 ) -> FoundRange:
     """Solve how far a body is found: at least m pixels report it, in at least k of n flashes.
 
@@ -164,6 +167,8 @@ def find_range(
     range_m : nearest and farthest range [m] (None: as far as the detector sees)
     attitudes : number of attitudes, each at one place in the pixel grid
     in_run : take the attitudes that the scenario's target has to the line of sight in the run, instead of all
+    executor : in the manner of `concurrent.futures`, whose workers try the attitudes in place of threads of this process: a
+        pool of processes, or ``client.get_executor()`` of dask. It changes no bit of the result
 
     Returns
     -------
@@ -180,6 +185,7 @@ def find_range(
     >>> 500.0 < far.max_range_m < 1000.0
     True
     """
+    check_workers(None, executor)
     lidar, scenario, name = select_camera(camera)
     probability = check_probability(probability)
     if not isinstance(attitudes, int) or isinstance(attitudes, bool) or not 1 <= attitudes <= 100_000:
@@ -198,40 +204,44 @@ def find_range(
             f"finding.pixels: {finding.pixels} is more than the {rows * cols} pixels of the receiver, so no body could be "
             "found; lower it"
         )
-    search = AttitudeSearch(lidar, flown, number, finding, attitudes, in_run=in_run)
-    near_m, far_m = _choose_span_m(lidar, range_m, search.radius_m)
-    scan_m, scan = _scan_inward(lambda at: search.over_attitudes(at, _SCANNED_ATTITUDES), near_m, far_m)
-    curve_m = _choose_curve_m(scan_m, scan)
-    curve = np.array([search.over_attitudes(at, attitudes) for at in curve_m.tolist()])
-    outside = (scan_m < curve_m[0]) | (scan_m > curve_m[-1])
-    order = np.argsort(np.concatenate([scan_m[outside], curve_m]))
-    along_m = np.concatenate([scan_m[outside], curve_m])[order]
-    found_probability = np.concatenate([scan[outside], curve])[order]
-    most_m, limited = _solve_m(lambda at: search.over_attitudes(at, attitudes), along_m, found_probability, probability)
-    worst: np.ndarray | None = None
-    there, alone_m, below = math.nan, math.nan, np.full(len(along_m), np.nan)
-    if math.isfinite(most_m):
-        attitude = search.find_worst(most_m)
-        worst, there = attitude[1], search.of_attitude(attitude, most_m, _WORST_PLACES)
-        below = np.array([search.of_attitude(attitude, at, _WORST_PLACES) for at in along_m.tolist()])
-        alone_m, _ = _solve_m(lambda at: search.of_attitude(attitude, at, _WORST_PLACES), along_m, below, probability)
-    return FoundRange(
-        camera=name,
-        body=flown.target[number].name if flown is scenario else flown.target[number].shape,
-        finding=finding,
-        probability=probability,
-        attitudes=attitudes,
-        range_m=along_m,
-        found_probability=found_probability,
-        worst_probability=below,
-        max_range_m=most_m,
-        is_limited=limited,
-        worst_range_m=alone_m,
-        worst_attitude=worst,
-        worst_there=there,
-        is_by_pixel=search.is_by_pixel(math.sqrt(near_m * far_m)),
-        notes=_describe_notes(lidar, in_run=in_run, has_retros=_has_retros(flown, number)),
-    )
+    with AttitudeSearch(lidar, flown, number, finding, attitudes, in_run=in_run, executor=executor) as search:
+        near_m, far_m = _choose_span_m(lidar, range_m, search.radius_m)
+        scan_m, scan = _scan_inward(lambda at: search.over_attitudes(at, _SCANNED_ATTITUDES), near_m, far_m)
+        curve_m = _choose_curve_m(scan_m, scan)
+        curve = np.array([search.over_attitudes(at, attitudes) for at in curve_m.tolist()])
+        outside = (scan_m < curve_m[0]) | (scan_m > curve_m[-1])
+        order = np.argsort(np.concatenate([scan_m[outside], curve_m]))
+        along_m = np.concatenate([scan_m[outside], curve_m])[order]
+        found_probability = np.concatenate([scan[outside], curve])[order]
+        most_m, limited = _solve_m(
+            lambda at: search.over_attitudes(at, attitudes), along_m, found_probability, probability
+        )
+        worst: np.ndarray | None = None
+        there, alone_m, below = math.nan, math.nan, np.full(len(along_m), np.nan)
+        if math.isfinite(most_m):
+            attitude = search.find_worst(most_m)
+            worst, there = attitude[1], search.of_attitude(attitude, most_m, _WORST_PLACES)
+            below = np.array([search.of_attitude(attitude, at, _WORST_PLACES) for at in along_m.tolist()])
+            alone_m, _ = _solve_m(
+                lambda at: search.of_attitude(attitude, at, _WORST_PLACES), along_m, below, probability
+            )
+        return FoundRange(
+            camera=name,
+            body=flown.target[number].name if flown is scenario else flown.target[number].shape,
+            finding=finding,
+            probability=probability,
+            attitudes=attitudes,
+            range_m=along_m,
+            found_probability=found_probability,
+            worst_probability=below,
+            max_range_m=most_m,
+            is_limited=limited,
+            worst_range_m=alone_m,
+            worst_attitude=worst,
+            worst_there=there,
+            is_by_pixel=search.is_by_pixel(math.sqrt(near_m * far_m)),
+            notes=_describe_notes(lidar, in_run=in_run, has_retros=_has_retros(flown, number)),
+        )
 
 
 def _choose_span_m(lidar: Lidar, given: Any, radius_m: float) -> tuple[float, float]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from rso_lidar.detector import array_load, detection_probability, make_plate, run_trial
+from rso_lidar.processes import map_parts
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Scenario, cast_surfaces, find_probability
 
@@ -77,7 +78,12 @@ def find_detection_curve(lidar: Lidar) -> DetectionCurve:
 
 
 def find_opportunities(
-    scenario: Scenario, truth: Truth, rows: Sequence[int], target: int, box_pixels: np.ndarray
+    scenario: Scenario,
+    truth: Truth,
+    rows: Sequence[int],
+    target: int,
+    box_pixels: np.ndarray,
+    executor: Executor | None = None,
 ) -> list[DetectionOpportunity]:
     """Find the detection opportunities of a target at some epochs.
 
@@ -88,19 +94,24 @@ def find_opportunities(
     rows : indices of the epochs
     target : index of the target
     box_pixels : (time) area of all targets' bounds in the field, which determines the grid of rays [pixels]
+    executor : whose workers cast rays (None: threads of this process)
     """
     _ = scenario.surfaces
     curve = find_detection_curve(scenario.instrument)
     most_rays = _MOST_RAYS / max(len(rows), 1)
 
-    def evaluate_row(row: int) -> DetectionOpportunity:
-        if not box_pixels[row] > 0.0:
-            return NO_OPPORTUNITY
-        finest = math.isqrt(max(int(most_rays / box_pixels[row]), 1))
-        return _evaluate_flash(scenario, truth.at(row), target, finest, curve)
+    seen = [row for row in rows if box_pixels[row] > 0.0]
+    flashes = [(truth.at(row), math.isqrt(max(int(most_rays / box_pixels[row]), 1))) for row in seen]
+    evaluated = map_parts(partial(_evaluate_flashes, scenario, target, curve), flashes, executor)
+    known = dict(zip(seen, evaluated, strict=True))
+    return [known.get(row, NO_OPPORTUNITY) for row in rows]
 
-    with ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="glimpse") as threads:
-        return list(threads.map(evaluate_row, rows))
+
+def _evaluate_flashes(
+    scenario: Scenario, target: int, curve: DetectionCurve, flashes: Sequence[tuple[Truth, int]]
+) -> list[DetectionOpportunity]:
+    """Compute the detection opportunities of a target in some flashes, each with its greatest number of rays."""
+    return [_evaluate_flash(scenario, truth, target, finest, curve) for truth, finest in flashes]
 
 
 def _evaluate_flash(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from functools import partial
 
 import numpy as np
 
@@ -12,18 +13,22 @@ from rso_lidar.motion import find_moon_m
 from rso_lidar.optics import STRAY_BODIES, veil_on_axis
 from rso_lidar.orbit import angle_rad, earth_limb_angle_rad
 from rso_lidar.pose import ROOT, rotate_vectors
+from rso_lidar.processes import map_parts
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
 
 _MOST = 200  # frames at which stray light is computed; it is interpolated between them
 
 
-def tabulate_sky(scenario: Scenario, truth: Truth, frames: np.ndarray) -> dict[str, np.ndarray]:
+def tabulate_sky(
+    scenario: Scenario, truth: Truth, frames: np.ndarray, executor: Executor | None = None
+) -> dict[str, np.ndarray]:
     """Tabulate the angles of Earth and Moon off the boresight, and with glare the stray light; nothing in a local world.
 
     Parameters
     ----------
     frames : (time) indices of the frames
+    executor : whose workers compute stray light (None: threads of this process)
 
     Returns
     -------
@@ -33,15 +38,16 @@ def tabulate_sky(scenario: Scenario, truth: Truth, frames: np.ndarray) -> dict[s
     if scenario.lidar.receiver.glare is None:
         return table
     rows = np.unique(np.linspace(0, frames.size - 1, _MOST).round().astype(int))
-
-    def find_light(row: int) -> np.ndarray:
-        return find_sky_light(scenario, truth.at(row))
-
-    with ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="sky") as threads:
-        light = np.array(list(threads.map(find_light, rows.tolist())))
+    _ = scenario.surfaces
+    truths = [truth.at(row) for row in rows.tolist()]
+    light = np.array(map_parts(partial(_find_sky_lights, scenario), truths, executor))
     names = [*(f"{body}_veil_photons_per_s" for body in STRAY_BODIES), "sky_image_photons_per_s"]
     known = dict(zip(names, light.T, strict=True))
     return table | {name: np.interp(np.arange(frames.size), rows, values) for name, values in known.items()}
+
+
+def _find_sky_lights(scenario: Scenario, truths: Sequence[Truth]) -> list[np.ndarray]:
+    return [find_sky_light(scenario, truth) for truth in truths]
 
 
 def find_sky_light(scenario: Scenario, truth: Truth) -> np.ndarray:

@@ -6,6 +6,7 @@ interpolated relative to the target's projected bounds and to the light of a fil
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,7 @@ from rso_lidar.mission_analysis.time_history.sky_light import tabulate_sky
 from rso_lidar.mission_analysis.time_history.timeline_figure import timeline_figure
 from rso_lidar.picture import SavedResult
 from rso_lidar.pose import ROOT, cross, dot, rotate_vectors
+from rso_lidar.processes import check_workers
 from rso_lidar.records import PtuAngles, Truth, compute_viewing_geometry
 from rso_lidar.scenario import Scenario, find_target, require_scenario
 from rso_lidar.scene import Surface
@@ -66,7 +68,12 @@ class Timeline(SavedResult):
 
 
 def timeline(
-    scenario: Scenario, target: str | None = None, *, every_s: float | None = None, casts: int = CASTS
+    scenario: Scenario,
+    target: str | None = None,
+    *,
+    every_s: float | None = None,
+    casts: int = CASTS,
+    executor: Executor | None = None,
 ) -> Timeline:
     """Compute an encounter with a target frame by frame: geometry, illumination, pointing and expected returns.
 
@@ -76,6 +83,8 @@ def timeline(
     target : name of the target (None: the first)
     every_s : time from row to row [s], rounded to whole frames; the last frame is always included (None: every frame)
     casts : greatest number of frames at which rays are cast, spread evenly
+    executor : in the manner of `concurrent.futures`, whose workers cast rays in place of threads of this process: a pool of
+        processes, or ``client.get_executor()`` of dask. It changes no bit of the result
 
     Returns
     -------
@@ -88,6 +97,7 @@ def timeline(
         For a scenario without targets, a name that is not known, and values outside their limits.
     """
     require_scenario(scenario, "timeline")
+    check_workers(None, executor)
     number = find_target(scenario, target, "timeline")
     if casts < 1:
         raise ScenarioError(f"casts: needs a whole number from 1, not {casts}")
@@ -96,9 +106,9 @@ def timeline(
     name = scenario.target[number].name
     table: dict[str, np.ndarray] = {"time_s": truth.time_s, "utc": format_utc(scenario, truth.time_s)}
     table |= _tabulate_geometry(truth, name)
-    table |= tabulate_sky(scenario, truth, frames)
+    table |= tabulate_sky(scenario, truth, frames, executor)
     table |= _tabulate_pointing(scenario, truth.time_s, angles)
-    table |= _tabulate_light(scenario, truth, number, casts)
+    table |= _tabulate_light(scenario, truth, number, casts, executor)
     edge = scenario.instrument.at(0.0).receiver.field_edge
     shadows = find_umbras(scenario).get(name)
     response = scenario.ptu.response if scenario.ptu else None
@@ -175,7 +185,9 @@ def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[Ptu
 # ------------------------------------------------------------------------------------------------- bounds and light
 
 
-def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -> dict[str, np.ndarray]:
+def _tabulate_light(
+    scenario: Scenario, truth: Truth, number: int, casts: int, executor: Executor | None
+) -> dict[str, np.ndarray]:
     """Tabulate bounds and light of the target: light is cast at up to `casts` frames, interpolated at the others."""
     time_s = truth.time_s
     lidars = [scenario.instrument.at(float(at)) for at in time_s]
@@ -189,7 +201,7 @@ def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -
     cast = np.unique(np.linspace(0, time_s.size - 1, casts).round().astype(int))
     everything = np.prod(within, axis=1) / pitch**2
     opportunities = find_opportunities(
-        scenario, truth, cast.tolist(), number, np.where(box_pixels > 0.0, everything, 0.0)
+        scenario, truth, cast.tolist(), number, np.where(box_pixels > 0.0, everything, 0.0), executor
     )
 
     range_m = np.linalg.norm(np.broadcast_to(truth.poses.link("lidar", name).translation_m, (time_s.size, 3)), axis=-1)

@@ -10,15 +10,18 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from rso_lidar import optics
 from rso_lidar.detector import at_least, detect, estimate_k_of_n, k_of_n, mark_reports, report_probability
 from rso_lidar.pose import Link
+from rso_lidar.processes import send_function
 from rso_lidar.records import Truth
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.aspects import build_truth, collect_attitudes, link_surfaces, rotation_between
@@ -131,18 +134,49 @@ def find_aspects(
     probability : (truth) that the target is found.
     photons : (truth) expected from the target in all pixels.
     """
-
-    def evaluate(stream: int) -> tuple[float, float]:
-        seen = cast_surfaces(lidar, surfaces, truths[stream], number, finest)
-        return find_probability(lidar, seen, finding, stream=stream), float(seen.photons.sum())
-
-    pairs = np.array(_run(evaluate, range(len(truths))))
-    return pairs[:, 0], pairs[:, 1]
+    with open_aspects(surfaces, number, finding) as find:
+        return find(lidar, truths, finest)
 
 
-def _run(evaluate: Callable[[int], tuple[float, float]], numbers: Iterable[int]) -> list[tuple[float, float]]:
-    with ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="aspect") as threads:
-        return list(threads.map(evaluate, numbers))
+Aspects = Callable[[Lidar, Sequence[Truth], int | None], tuple[np.ndarray, np.ndarray]]
+
+
+@contextmanager
+def open_aspects(
+    surfaces: Sequence[Surface], number: int, finding: Finding, executor: Executor | None = None
+) -> Iterator[Aspects]:
+    """Yield a function that does as `find_aspects`, for many calls: surfaces are sent to the workers once.
+
+    Parameters
+    ----------
+    surfaces, number, finding : as for `find_aspects`
+    executor : whose workers cast the flashes (None: threads of this process)
+    """
+    with ExitStack() as stack:
+        workers = executor or stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
+        sent = stack.enter_context(send_function(partial(_find_some, surfaces, number, finding), workers))
+
+        def find(lidar: Lidar, truths: Sequence[Truth], finest: int | None) -> tuple[np.ndarray, np.ndarray]:
+            pairs = np.array(sent.map_parts(list(enumerate(truths)), lidar, finest))
+            return pairs[:, 0], pairs[:, 1]
+
+        yield find
+
+
+def _find_some(
+    surfaces: Sequence[Surface],
+    number: int,
+    finding: Finding,
+    numbered: Sequence[tuple[int, Truth]],
+    lidar: Lidar,
+    finest: int | None,
+) -> list[tuple[float, float]]:
+    """Return probability and photons of some truths, each with its number, that of its stream of random numbers."""
+    pairs = []
+    for stream, truth in numbered:
+        seen = cast_surfaces(lidar, surfaces, truth, number, finest)
+        pairs.append((find_probability(lidar, seen, finding, stream=stream), float(seen.photons.sum())))
+    return pairs
 
 
 def move_target(mission: Mission, number: int, there: Truth, place_m: np.ndarray, turned: np.ndarray) -> Truth:

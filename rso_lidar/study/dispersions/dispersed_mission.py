@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, as_completed
+from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.confidence_intervals import clopper_pearson_bounds
-from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable, write_columns
 from rso_lidar.motion import get_chief_name
 from rso_lidar.picture import SavedResult
@@ -227,11 +227,7 @@ def disperse(
     require_scenario(scenario, "disperse")
     if not isinstance(runs, int) or isinstance(runs, bool) or not 2 <= runs <= _MOST_RUNS:
         raise ScenarioError(f"runs: needs a whole number from 2 to {_MOST_RUNS:,}, not {runs!r}")
-    check_workers(workers)
-    if executor is not None and (workers is not None or not callable(getattr(executor, "submit", None))):
-        raise ScenarioError(
-            "executor: needs an Executor of concurrent.futures, or client.get_executor() of dask, and no workers"
-        )
+    check_workers(workers, executor)
     mission_disperser = MissionDisperser(scenario, _find_target(scenario, target))
     kept = None if working is None else Path(f"{working}.{identify_runs(scenario, mission_disperser.target)}.npz")
     blocks = read_blocks(kept) if kept is not None else {}
@@ -239,12 +235,8 @@ def disperse(
     wanted = list(range(0, runs, BLOCK))
     tell(min(BLOCK * sum(begin in blocks for begin in wanted), runs), runs)
     left = [first_run for first_run in wanted if first_run not in blocks]
-    flown = (
-        map_unordered(partial(_fly_block, mission_disperser), left, min(workers or 1, len(left)))
-        if executor is None
-        else _submit_blocks(mission_disperser, left, executor)
-    )
-    for begin, block in flown:
+    fly = partial(_fly_block if executor is None else _fly_block_anew, mission_disperser)
+    for begin, block in map_unordered(fly, left, min(workers or 1, len(left)), executor):
         blocks[begin] = block
         if kept is not None:
             write_blocks(kept, blocks)
@@ -267,24 +259,13 @@ def _find_target(scenario: Scenario, target: str | None) -> str:
     return name
 
 
-def _submit_blocks(
-    mission_disperser: MissionDisperser, begins: list[int], executor: Executor
-) -> Iterator[tuple[int, Block]]:
-    """Fly blocks of runs by an executor; yield each with its first run when finished. A block makes its flight anew."""
-    waiting = [executor.submit(_fly_block, copy.copy(mission_disperser), begin) for begin in begins]
-    try:
-        for future in as_completed(waiting):
-            try:
-                yield future.result()
-            except BrokenExecutor as error:
-                raise RunError("disperse: a worker of the executor ended; start it again with fewer workers") from error
-    finally:
-        for future in waiting:
-            future.cancel()
-
-
 def _fly_block(mission_disperser: MissionDisperser, begin: int) -> tuple[int, Block]:
     return begin, mission_disperser.fly(range(begin, begin + BLOCK))
+
+
+def _fly_block_anew(mission_disperser: MissionDisperser, begin: int) -> tuple[int, Block]:
+    """Fly a block of runs, whose flight is made anew so that the threads of a worker share none."""
+    return _fly_block(copy.copy(mission_disperser), begin)
 
 
 def _join(mission_disperser: MissionDisperser, block: Block) -> DispersedMission:

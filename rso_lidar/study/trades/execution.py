@@ -8,7 +8,9 @@ import importlib.metadata
 import json
 import os
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Self
@@ -115,10 +117,12 @@ def _parse_row(line: bytes, count: int) -> Row | None:
     return row if whole and 0 <= row["row"] < count else None
 
 
-def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None) -> Iterator[Row]:
+def run_rows(
+    plan: TradePlan, known: dict[int, Row], workers: int | None = None, executor: Executor | None = None
+) -> Iterator[Row]:
     """Return the rows that are not known yet, each when it is finished."""
     left = [number for number in range(plan.study.n_rows) if number not in known]
-    return map_unordered(partial(TradePlan.row, plan), left, min(workers or 1, len(left)))
+    return map_unordered(partial(TradePlan.row, plan), left, min(workers or 1, len(left)), executor)
 
 
 class Trade(TradeTable):
@@ -217,12 +221,13 @@ class TradeRun:
         beside = sorted(self.kept.parent.iterdir())
         return [path.name for path in beside if path.name.startswith(f"{start}-") and path.name != self.kept.name]
 
-    def finish(self, on_row: Callable[[int, int], None] | None = None) -> Trade:
+    def finish(self, on_row: Callable[[int, int], None] | None = None, *, executor: Executor | None = None) -> Trade:
         """Run the rows that are not finished.
 
         Parameters
         ----------
         on_row : called with the number of finished rows and that of all rows, after each row
+        executor : as for `trade`
 
         Returns
         -------
@@ -234,7 +239,9 @@ class TradeRun:
         RunError
             For a file of rows that cannot be written.
         """
-        for row in run_rows(self._plan, self._known, self._workers):
+        check_workers(self._workers, executor)
+        plan = self._plan if executor is None else replace(self._plan, threads=1)
+        for row in run_rows(plan, self._known, self._workers, executor):
             if self._file is not None:
                 self._file.add(row)
             self._known[row["row"]] = row
@@ -247,6 +254,7 @@ def trade(
     study: Study | str | Path,
     *,
     workers: int | None = None,
+    executor: Executor | None = None,
     working: str | Path | None = None,
     on_row: Callable[[int, int], None] | None = None,
     trust_code: bool = False,
@@ -259,6 +267,8 @@ def trade(
     study : the study, or its TOML file
     workers : number of processes that run points in parallel, instead of threads. The result does not depend on it. A
         script that uses workers keeps its own code under ``if __name__ == "__main__":``
+    executor : in the manner of `concurrent.futures`, whose workers run points in place of `workers`: a pool of threads or
+        processes, or ``client.get_executor()`` of dask. The result does not depend on it
     working : file in which finished rows are saved. An interrupted study continues from it. Its name is extended by eight
         hex digits that identify the study, so that another study does not use it. It remains until you delete it
     on_row : called with the number of finished rows and that of all rows, at the start and after each row
@@ -276,10 +286,11 @@ def trade(
     RunError
         For a file of rows that cannot be written.
     """
+    check_workers(workers, executor)
     with TradeRun(study, workers=workers, working=working, trust_code=trust_code, trust_fmu=trust_fmu) as run:
         if on_row is not None:
             on_row(run.n_done, run.n_rows)
-        return run.finish(on_row)
+        return run.finish(on_row, executor=executor)
 
 
 def _tabulate_rows(plan: TradePlan, base: Scenario, known: dict[int, Row]) -> Trade:

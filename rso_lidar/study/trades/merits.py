@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -27,10 +28,15 @@ class CountedFrames(Sequence[Frame]):
     """The frames of a run as a sequence that hands each to a function and keeps none; a single one is simulated anew."""
 
     def __init__(
-        self, scenario: Scenario, numbers: np.ndarray, threads: int | None, add: Callable[[Frame], None]
+        self,
+        scenario: Scenario,
+        numbers: np.ndarray,
+        threads: int | None,
+        add: Callable[[Frame], None],
+        executor: Executor | None = None,
     ) -> None:
         """Start a run."""
-        self._fly = partial(simulate, scenario, threads=threads)
+        self._fly = partial(simulate, scenario, threads=threads, executor=executor)
         self._numbers, self._add = numbers.tolist(), add
         self._made = self._fly(frames=self._numbers)
         self._first = next(self._made)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -89,11 +90,17 @@ class SimulatedFrames(FlownFrames):
     """Frames of a scenario, simulated in open loop with its seed and the ones that follow it."""
 
     def __init__(
-        self, scenario: Scenario, target: str | None, ready: Callable[[], None], seeds: int, threads: int | None
+        self,
+        scenario: Scenario,
+        target: str | None,
+        ready: Callable[[], None],
+        seeds: int,
+        threads: int | None,
+        executor: Executor | None,
     ) -> None:
         """Start without frames."""
         super().__init__(scenario, target, ready, seeds)
-        self._threads = threads
+        self._threads, self._executor = threads, executor
         self._range_m: np.ndarray | None = None
 
     def select(self, requirement: Requirement) -> np.ndarray:
@@ -110,11 +117,11 @@ class SimulatedFrames(FlownFrames):
         return self.scenario if run == 0 else self.scenario.replace(seed=self.scenario.seed + run)
 
     def _fly(self, run: int, numbers: np.ndarray) -> Iterable[Frame]:
-        return simulate(self._of_run(run), frames=numbers.tolist(), threads=self._threads)
+        return simulate(self._of_run(run), frames=numbers.tolist(), threads=self._threads, executor=self._executor)
 
     def _track(self, run: int, numbers: np.ndarray, *, poses: bool) -> dict[str, np.ndarray]:
         scenario = self._of_run(run)
-        flying = CountedFrames(scenario, numbers, self._threads, lambda frame: self._keep(run, frame))
+        flying = CountedFrames(scenario, numbers, self._threads, lambda frame: self._keep(run, frame), self._executor)
         name = scenario.target[self.number].name
         return tracking(flying, name, folder=scenario.folder, poses=poses).table
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from collections.abc import Sequence as ListLike
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rso_lidar.confidence_intervals import student_bounds
 from rso_lidar.errors import RsoLidarError, ScenarioError, add_place, suppress_warnings
+from rso_lidar.processes import check_workers, open_executor
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.trades.definition import Study
@@ -41,6 +44,7 @@ def verify(
     folder: Path | None = None,
     threads: int | None = None,
     workers: int | None = None,
+    executor: Executor | None = None,
     on_step: Progress | None = None,
     trust_code: bool = False,
     trust_fmu: bool = False,
@@ -56,7 +60,8 @@ def verify(
     subject : a scenario, a study (which is run), a finished study, or a recording
     folder : folder of the mesh files that a recording names (None: the working folder)
     threads : of a simulation (None: one for each core); the result does not depend on it
-    workers : processes of a study
+    workers : number of processes that run a study or simulate frames, instead of threads; the result does not depend on it
+    executor : in the manner of `concurrent.futures`, in place of `workers`; as for `simulate`
     on_step : called with the number of finished frames or runs and that of all, at the start and after each
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario of a study names. A
         scenario has its own trust
@@ -74,12 +79,14 @@ def verify(
     """
     asked = requirements if isinstance(requirements, Requirements) else Requirements.load(requirements)
     tell = on_step or (lambda done, count: None)
+    check_workers(workers, executor)
     if isinstance(subject, Study | Trade):
-        return _verify_study(asked, subject, workers, threads, tell, trust_code=trust_code, trust_fmu=trust_fmu)
+        how: Any = {"workers": workers, "executor": executor, "trust_code": trust_code, "trust_fmu": trust_fmu}
+        return _verify_study(asked, subject, threads, tell, **how)
     if isinstance(subject, Scenario):
-        with suppress_warnings():
+        with suppress_warnings(), open_executor(workers, executor=executor) as opened:
             return _verify_frames(
-                asked, lambda ready: SimulatedFrames(subject, asked.target, ready, asked.seeds, threads), tell
+                asked, lambda ready: SimulatedFrames(subject, asked.target, ready, asked.seeds, threads, opened), tell
             )
     if not isinstance(subject, ListLike) or isinstance(subject, str):
         raise ScenarioError(
@@ -211,14 +218,16 @@ class _BoundedPoint:
 def _verify_study(
     asked: Requirements,
     study: Study | Trade,
-    workers: int | None,
     threads: int | None,
     tell: Progress,
-    *,
-    trust_code: bool = False,
-    trust_fmu: bool = False,
+    **how: Any,
 ) -> VerificationMatrix:
-    """Verify requirements at each point of a study."""
+    """Verify requirements at each point of a study.
+
+    Parameters
+    ----------
+    how : further arguments of `trade`, for a study that is not finished
+    """
     definition = study.study if isinstance(study, Trade) else study
     needed = tuple(
         dict.fromkeys(requirement.quantity for requirement in asked.requirement if requirement.what.kind == "merit")
@@ -237,7 +246,7 @@ def _verify_study(
     else:
         merits = needed or ("off_boresight_deg",)  # a study computes at least one figure, and this is the cheapest
         chosen = definition.replace(merits=merits)
-        finished_trade = trade(chosen, workers=workers, on_row=tell, trust_code=trust_code, trust_fmu=trust_fmu)
+        finished_trade = trade(chosen, on_row=tell, **how)
     results = []
     for number, requirement in enumerate(asked.requirement):
         with add_place(_name_place(asked, number)):

@@ -35,10 +35,10 @@ def test_the_greatest_range_has_the_wanted_probability(one, tmp_path):
 
 def test_turning_finds_an_attitude_worse_than_all_that_are_listed(one):
     flown, number = choose_body(FAST, None, "cubesat_3u")
-    search = AttitudeSearch(FAST, flown, number, Finding(), FEW["attitudes"], in_run=False)
     listed = [(0, matrix) for matrix in [*spread_attitudes(FEW["attitudes"])[0], *list_facing_attitudes()]]
-    least = min(search.of_attitude(attitude, one.max_range_m, 12) for attitude in listed)
-    assert search.of_attitude((0, one.worst_attitude), one.max_range_m, 12) < least - 0.01
+    with AttitudeSearch(FAST, flown, number, Finding(), FEW["attitudes"], in_run=False) as search:
+        least = min(search.of_attitude(attitude, one.max_range_m, 12) for attitude in listed)
+        assert search.of_attitude((0, one.worst_attitude), one.max_range_m, 12) < least - 0.01
 
 
 def test_a_gate_follows_the_body():
@@ -48,8 +48,8 @@ def test_a_gate_follows_the_body():
     for delay_ns in (0.0, (there - 9.0) / RANGE_PER_DELAY_M_S / 1e-9):
         lidar = FAST.replace(detector=rl.Gsfl(gate={"delay_ns": delay_ns, "width_ns": 120.0}))
         flown, number = choose_body(lidar, None, "cubesat_3u")
-        search = AttitudeSearch(lidar, flown, number, Finding(), 8, in_run=False)
-        found.append(search.over_attitudes(there, 8))
+        with AttitudeSearch(lidar, flown, number, Finding(), 8, in_run=False) as search:
+            found.append(search.over_attitudes(there, 8))
         assert follow_gate(lidar, there).detector.sees_from_m == pytest.approx(there - 9.0, abs=0.1)
     assert found[0] == pytest.approx(found[1], abs=1e-3)
     assert 0.5 < found[0] < 1.0

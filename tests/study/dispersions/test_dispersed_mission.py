@@ -65,7 +65,7 @@ def test_runs_are_the_same_however_many_there_are(mission):
 def test_an_interrupted_study_goes_on(mission, tmp_path, monkeypatch):
     flown = []
 
-    def stop(fly, begins, count):
+    def stop(fly, begins, count, executor):
         for begin in begins:
             flown.append(begin)
             yield fly(begin)
