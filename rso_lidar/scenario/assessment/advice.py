@@ -42,6 +42,7 @@ def advise(mission: Mission, preview: Preview | None = None) -> list[str]:
     lines += _advise_on_plans(mission)
     lines += _advise_on_window(mission, preview)
     lines += detector.advise(mission.lidar.detector, mission.instrument.laser.pulse_fwhm_s)
+    lines += _advise_on_calibration(mission)
     lines += advise_on_separations(mission, preview)
     lines += _advise_on_lens(mission)
     lines += _advise_on_sunlight(mission)
@@ -68,6 +69,18 @@ def _advise_on_python_objects(mission: Mission) -> list[str]:
         f"{name_object(given)} is a Python object: a recording names it and cannot rebuild it; to fly the recorded "
         "scenario again, give the object again with replace(...)"
         for given in python_objects(mission)
+    ]
+
+
+def _advise_on_calibration(mission: Mission) -> list[str]:
+    """Warn of constants that differ from those of the calibration that the lidar states."""
+    calibration = mission.lidar.calibration
+    changed = calibration.list_overridden(mission.lidar.detector) if calibration else []
+    if not calibration or not changed:
+        return []
+    return [
+        f"{', '.join(f'lidar.detector.{name}' for name in changed)} {'is' if len(changed) == 1 else 'are'} not as the "
+        f"calibration '{calibration.name}' has it; leave it out to use the fitted value"
     ]
 
 
