@@ -129,7 +129,7 @@ def fit_constants(
     start: Mapping[str, float] | None = None,
     confidence: float = 0.95,
     photons_error_fraction: float = 0.0,
-    trials: int = 8192,
+    trials: int = 32_768,
     on_round: Callable[[int], None] = lambda _: None,
 ) -> ConstantFit:
     """Fit named constants of a detector to measured curves by greatest likelihood.
@@ -277,7 +277,8 @@ def _minimise(problem: _Problem, free: np.ndarray) -> np.ndarray:
     )
     if found.status == 0:
         raise ScenarioError(
-            f"constants: the fit does not converge in {_MOST_EVALUATIONS} steps; start nearer (start), or fit fewer constants"
+            f"constants: the fit does not converge in {_MOST_EVALUATIONS} steps; start nearer (start), or fit fewer "
+            "constants"
         )
     return np.asarray(free + found.x)
 

@@ -56,7 +56,7 @@ class CurvePredictor:
     """
 
     pulse: LaserPulse
-    trials: int = 8192
+    trials: int = 32_768
 
     def refer(self, detector: AnyDetector, curve: MeasuredCurve, photons_scale: float = 1.0) -> CurveReference:
         """Return what a large trial of a detector says about a curve, at given true over stated photons."""

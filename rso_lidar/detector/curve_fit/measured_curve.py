@@ -1,4 +1,4 @@
-"""Curves that a laboratory measured of a camera, in SI units, and the statistics that a detector gives at the same points."""
+"""Curves that a laboratory measured of a camera, in SI units, and the statistics of a detector at the same points."""
 
 from __future__ import annotations
 

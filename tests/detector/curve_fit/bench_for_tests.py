@@ -1,4 +1,4 @@
-"""Cameras that tests invent, the curves that a laboratory would measure of them, and the fits that should find them again."""
+"""Cameras that tests invent, the curves that a laboratory would measure of them, and the fits that find them again."""
 
 from dataclasses import dataclass, field
 
@@ -13,7 +13,7 @@ from rso_lidar.detector import (
     MeasuredCurve,
     detect,
     fit_constants,
-    make_plate,
+    make_point_returns,
 )
 from rso_lidar.detector.curve_fit.free_constants import set_constants
 from rso_lidar.detector.curve_fit.measured_curve import simulate_levels
@@ -127,9 +127,9 @@ def measure_dark_counts(detector, camera, seed):
             "dark_counts", [0.0], [float(rng.poisson(detector.dark_count_rate_hz * camera.dark_s))], [camera.dark_s]
         )
     window_s = (detector.armed_to_m - detector.armed_from_m) / units.RANGE_PER_DELAY_M_S
-    light = make_plate(
-        1e-9, round(camera.dark_s / window_s), (camera.pulse.step_s, camera.pulse.power_per_s), camera.pulse.fwhm_s
-    )
+    none, pulse = np.zeros(0), (camera.pulse.step_s, camera.pulse.power_per_s)
+    shape = (1, round(camera.dark_s / window_s))
+    light = make_point_returns(shape, pulse, camera.pulse.fwhm_s, none.astype(int), none, none)
     reported_m = detect(light, detector, rng)[0].range_m.ravel()
     after_s = (np.nan_to_num(reported_m, nan=detector.armed_to_m) - detector.armed_from_m) / units.RANGE_PER_DELAY_M_S
     return make_curve("dark_counts", [0.0], [float(np.isfinite(reported_m).sum())], [float(after_s.sum())])
