@@ -42,8 +42,9 @@ COMMANDS = {
     "schema": "Print the JSON Schema of the scenario file.",
     "dataset": "Make, check, publish, export and score datasets for learning.",
     "models": "List the models that can be targets, show one, or add your own.",
+    "camera": "Calibrate a camera of your own by measurements.",
 }
-GROUPS = ("dataset", "models")
+GROUPS = ("dataset", "models", "camera")
 
 
 class _Commands(TyperGroup):

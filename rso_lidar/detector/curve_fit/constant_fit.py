@@ -12,6 +12,7 @@ from rso_lidar.detector.curve_fit.curve_prediction import CurvePredictor, CurveR
 from rso_lidar.detector.curve_fit.free_constants import FreeConstant, find_constants, get_constant, set_constants
 from rso_lidar.detector.curve_fit.likelihood import count_informative, find_residuals
 from rso_lidar.detector.curve_fit.measured_curve import MeasuredCurve
+from rso_lidar.detector.curve_fit.scale_check import check_scale
 from rso_lidar.detector.detection import AnyDetector
 from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.errors import ScenarioError
@@ -167,6 +168,8 @@ def fit_constants(
     at_start = set_constants(detector, {constant.name: constant.start for constant in constants})
     problem = _Problem(at_start, CurvePredictor(pulse, trials), tuple(curves), constants, photons_error_fraction)
     _check_points(problem)
+    for curve in problem.curves:
+        check_scale(problem.predictor, at_start, curve)
     free = problem.start
     for number in range(_MOST_ROUNDS):
         on_round(number + 1)

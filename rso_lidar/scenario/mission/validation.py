@@ -133,9 +133,7 @@ def validate_toml(
     return validate_tables(part, tree, where, folder)
 
 
-def validate_tables(
-    part: type[AnyPart], tree: dict[str, Any], where: str, folder: Path | None = None
-) -> AnyPart:
+def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str, folder: Path | None = None) -> AnyPart:
     """Build a part from the tables of a TOML text.
 
     Parameters

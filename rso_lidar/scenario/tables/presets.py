@@ -37,10 +37,13 @@ def load_preset_file(name: str, folder: Path | None = None) -> dict[str, Any]:
     if path is None:
         beside = f"beside the scenario ({folder})" if folder else "in the working folder"
         raise ScenarioError(f"no preset file '{name}' {beside}; check the name")
-    tables = parse_toml(read_text(path, MOST_TOML_BYTES, ScenarioError, "preset file (.toml)"), path.name, ScenarioError)
+    tables = parse_toml(
+        read_text(path, MOST_TOML_BYTES, ScenarioError, "preset file (.toml)"), path.name, ScenarioError
+    )
     if not tables or (unknown := sorted(set(tables) - set(_TABLES))):
         what = f"has '{unknown[0]}'" if tables else "is empty"
         raise ScenarioError(
-            f"{path.name}: is not a preset file: it {what} (known: {', '.join(_TABLES)}); write one with `rso-lidar camera fit`"
+            f"{path.name}: is not a preset file: it {what} (known: {', '.join(_TABLES)}); write one with "
+            "`rso-lidar camera fit`"
         )
     return tables
