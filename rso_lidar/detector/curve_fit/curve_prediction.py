@@ -8,8 +8,10 @@ of the logarithm of a scatter or of counts, or of a mean range. The shift is tak
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 
@@ -64,7 +66,7 @@ class CurvePredictor:
         if curve.quantity == "dark_counts":
             return CurveReference(np.zeros(n), np.ones(n), np.full(n, 3.0), np.inf)
         levels = _Levels(curve.photons * photons_scale, curve.range_m)
-        large = _simulate(detector, self.pulse, levels, self.trials)
+        large = _simulate(cast(Hashable, detector), self.pulse, levels, self.trials)
         value, scatter, kurtosis = _pick(curve.quantity, large)
         shift = to_link(curve.quantity, value) - to_link(curve.quantity, self._predict_fast(detector, curve, levels))
         if curve.quantity == "detection_rate":  # of rates near 0 and 1 the closed form knows more than a trial
@@ -101,7 +103,7 @@ class CurvePredictor:
             return np.asarray(known.probability * (1.0 - false))
         if curve.quantity == "range_scatter" and not list_neglected_effects(detector):
             return predict(detector, self.pulse, levels.photons, still).range_precision_m
-        return _pick(curve.quantity, _simulate(detector, self.pulse, levels, _FEW_TRIALS))[0]
+        return _pick(curve.quantity, _simulate(cast(Hashable, detector), self.pulse, levels, _FEW_TRIALS))[0]
 
 
 class _Levels:
@@ -119,9 +121,9 @@ class _Levels:
 
 
 @lru_cache(maxsize=64)
-def _simulate(detector: AnyDetector, pulse: LaserPulse, levels: _Levels, trials: int) -> LevelStatistics:
+def _simulate(detector: Hashable, pulse: LaserPulse, levels: _Levels, trials: int) -> LevelStatistics:
     """Simulate levels of light, kept for the several curves that were measured at the same points."""
-    return simulate_levels(detector, pulse, levels.photons, levels.range_m, trials, _SEED)
+    return simulate_levels(cast(AnyDetector, detector), pulse, levels.photons, levels.range_m, trials, _SEED)
 
 
 def to_link(quantity: str, value: np.ndarray) -> np.ndarray:
@@ -167,13 +169,11 @@ def _expect_dark_counts(detector: AnyDetector, curve: MeasuredCurve) -> np.ndarr
         return detector.false_alarms_per_s * curve.trials
     if not isinstance(detector, Gsfl):
         return np.full(len(curve.value), np.nan)
-    rates = []
-    for threshold in curve.threshold_electrons:
-        own = np.isnan(threshold)
-        at = (
-            detector
-            if own
-            else detector.replace(trigger=detector.trigger.replace(threshold_electrons=float(threshold)))
-        )
-        rates.append(mean_false_alarms_per_s(at))
-    return np.array(rates) * curve.trials
+    trigger = detector.trigger
+    thresholds = np.where(np.isnan(curve.threshold_electrons), trigger.threshold_electrons, curve.threshold_electrons)
+    rates = [
+        mean_false_alarms_per_s(detector.replace(trigger=trigger.replace(threshold_electrons=threshold)))
+        for threshold in thresholds.tolist()
+    ]
+    expected: np.ndarray = np.array(rates) * curve.trials
+    return expected

@@ -86,15 +86,18 @@ class CameraFit:
         """Return the constants, the curves and their goodness of fit as text."""
         fit = self.fit
         percent = f"{100.0 * fit.confidence:g} %"
-        rows = [("constant", "start", "fitted", f"low {percent}", f"high {percent}")]
         scale = [fit.photons_scale] if fit.photons_scale else []
-        for one in [*fit.constants, *scale]:
-            rows.append((one.name, *(f"{value:.6g}" for value in (one.start, one.value, one.low, one.high))))
-        lines = [*align_columns(rows), ""]
-        rows = [("curve", "points", "chi-square", "P of a worse fit")]
-        for curve in fit.curves:
-            rows.append((curve.curve.name, str(len(curve.residuals)), f"{curve.chi2:.1f}", f"{curve.p_value:.2g}"))
-        lines += [*align_columns(rows), ""]
+        constants = [("constant", "start", "fitted", f"low {percent}", f"high {percent}")]
+        constants += [
+            (one.name, f"{one.start:.6g}", f"{one.value:.6g}", f"{one.low:.6g}", f"{one.high:.6g}")
+            for one in [*fit.constants, *scale]
+        ]
+        curves = [("curve", "points", "chi-square", "P of a worse fit")]
+        curves += [
+            (curve.curve.name, str(len(curve.residuals)), f"{curve.chi2:.1f}", f"{curve.p_value:.2g}")
+            for curve in fit.curves
+        ]
+        lines = [*align_columns(constants), "", *align_columns(curves), ""]
         lines.append(f"All: chi-square {fit.chi2:.1f} with {fit.freedom:.1f} degrees of freedom, P {fit.p_value:.2g}")
         lines += [
             f"Hard to tell apart: {first} and {second} (correlation {value:.3f})"
@@ -107,7 +110,10 @@ class CameraFit:
         """Return the preset file: the whole detector, and the origin of its constants."""
         import tomli_w
 
-        remark = f"# The camera '{self.file.name}' as `rso-lidar camera fit` fitted it. In a scenario: [lidar] preset = \"<this file>\".\n"
+        remark = (
+            f"# The camera '{self.file.name}' as `rso-lidar camera fit` fitted it.\n"
+            '# In a scenario: [lidar] preset = "(path of this file)"\n'
+        )
         tables = {
             "detector": dump_part(self.fit.detector),
             "calibration": self.calibration.model_dump(exclude_none=True),
@@ -148,9 +154,10 @@ class CameraFit:
             return
         misfits = self.list_misfits() or ["all curves together"]
         raise ScenarioError(
-            f"{self.file.where}: rejected: the detector cannot have given these curves (chi-square {self.fit.chi2:.0f} with "
-            f"{self.fit.freedom:.0f} degrees of freedom, P {self.fit.p_value:.1g}): {'; '.join(misfits)}; free the constants "
-            "that are wrong, add the part of the detector that is missing, or state errors of the bench (systematic)"
+            f"{self.file.where}: rejected: the detector cannot have given these curves (chi-square {self.fit.chi2:.0f} "
+            f"with {self.fit.freedom:.0f} degrees of freedom, P {self.fit.p_value:.1g}): {'; '.join(misfits)}; free the "
+            "constants that are wrong, add the part of the detector that is missing, or state errors of the bench "
+            "(systematic)"
         )
 
 
