@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.detector.curve_fit.curve_prediction import CurvePredictor, CurveReference
+from rso_lidar.detector.curve_fit.curve_prediction import CurvePredictor, CurveReference, from_link, to_link
 from rso_lidar.detector.curve_fit.free_constants import FreeConstant, find_constants, get_constant, set_constants
 from rso_lidar.detector.curve_fit.likelihood import count_informative, find_residuals
 from rso_lidar.detector.curve_fit.measured_curve import MeasuredCurve
@@ -21,7 +21,9 @@ _MOST_ROUNDS = 12  # of a fit and a large trial where it ended
 _SETTLED = (
     0.5  # standard errors of each constant: a smaller step between rounds is noise of the large trials, which they hold
 )
-_DERIVATIVE_STEP = 0.04  # of a free number to each side, over which the noise of small trials averages out
+_DERIVATIVE_STEP = 0.04  # of a free number to each side
+_TRIAL_STEP = 0.1  # of a free number to each side for slopes by trials, over which their noise is small
+_FARTHEST_STEP = 1.5  # of a free number in a round: farther away slopes and shifts say little
 _MOST_EVALUATIONS = 60
 _REJECTED_BELOW = 1e-3  # probability of a worse fit, below which the model is rejected
 _UNRESOLVED = 1.0  # standard error of a free number, which is a factor e, from which constants count as unknown
@@ -135,8 +137,10 @@ def fit_constants(
 ) -> ConstantFit:
     """Fit named constants of a detector to measured curves by greatest likelihood.
 
-    The values of the curves come from closed forms and small trials, corrected by large trials through the whole chain where
-    the last round ended. Intervals are those of the curvature of the likelihood in the logarithm of a positive constant.
+    Each round fits a model of the curves near the constants where the last one ended. There large trials through the whole
+    chain give the values. Beside it, detection rates and scatters of range follow their closed forms, and other values
+    their slopes, by trials at constants to each side. Intervals are those of the curvature of the likelihood, in the
+    logarithm of a positive constant.
 
     Parameters
     ----------
@@ -207,6 +211,8 @@ class _Problem:
             photons_error_fraction > 0.0
         )
         self.references: list[CurveReference] = []
+        self.slopes: list[np.ndarray | None] = []  # (point, number) of each curve, on the scale of `to_link`
+        self.referred = np.zeros(0)
         self.start = np.array(
             [constant.to_free(constant.start) for constant in constants] + [0.0] * (photons_error_fraction > 0.0)
         )
@@ -220,16 +226,34 @@ class _Problem:
         return set_constants(self.detector, values), math.exp(free[-1]) if self.photons_error > 0.0 else 1.0
 
     def refer(self, free: np.ndarray) -> None:
-        """Run the large trials at free numbers."""
+        """Run the large trials at free numbers, and those about them for slopes."""
         detector, scale = self.split(free)
+        self.referred = free
         self.references = [self.predictor.refer(detector, curve, scale) for curve in self.curves]
+        self.slopes = [
+            None if self.predictor.has_closed_form(detector, curve) else self._find_slopes(curve, free)
+            for curve in self.curves
+        ]
+
+    def _find_slopes(self, curve: MeasuredCurve, free: np.ndarray) -> np.ndarray:
+        """Return the slopes (point, number) of a curve by trials at free numbers to each side."""
+        columns = []
+        for step in _TRIAL_STEP * np.eye(len(free)):
+            ends = []
+            for sign in (1.0, -1.0):
+                detector, scale = self.split(free + sign * step)
+                ends.append(to_link(curve.quantity, self.predictor.predict(detector, curve, None, scale)))
+            columns.append((ends[0] - ends[1]) / (2.0 * _TRIAL_STEP))
+        return np.stack(columns, axis=1)
 
     def expect(self, free: np.ndarray) -> list[np.ndarray]:
         """Return the expected values of each curve."""
         detector, scale = self.split(free)
         return [
             self.predictor.predict(detector, curve, reference, scale)
-            for curve, reference in zip(self.curves, self.references, strict=True)
+            if slopes is None
+            else from_link(curve.quantity, reference.link + slopes @ (free - self.referred))
+            for curve, reference, slopes in zip(self.curves, self.references, self.slopes, strict=True)
         ]
 
     def residuals(self, free: np.ndarray) -> np.ndarray:
@@ -269,13 +293,14 @@ def _minimise(problem: _Problem, free: np.ndarray) -> np.ndarray:
     """Return the free numbers of least sum of squared residuals."""
     from scipy.optimize import least_squares
 
-    found = least_squares(  # of the step from here, so that the first region of trust is a factor e
+    found = least_squares(  # of the step from here
         lambda step: problem.residuals(free + step),
         np.zeros(len(free)),
         jac=lambda step: problem.differentiate(free + step),
-        xtol=1e-5,
-        ftol=1e-7,
-        gtol=1e-7,
+        bounds=(-_FARTHEST_STEP, _FARTHEST_STEP),
+        xtol=1e-4,
+        ftol=1e-5,
+        gtol=1e-4,
         max_nfev=_MOST_EVALUATIONS,
     )
     if found.status == 0:

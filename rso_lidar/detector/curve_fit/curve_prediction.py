@@ -1,9 +1,9 @@
-"""Values that a detector is expected to give at the points of measured curves: fast, and corrected by its whole chain.
+"""Values that a detector is expected to give at the points of measured curves: by closed form, and by its whole chain.
 
 A fit asks for these values at many constants. Detection rates and scatters of range come from the detector's closed form,
-rates of dark counts from the law of its noise, and the rest from a small trial with the same random numbers each time. What
-these lack is added: a large trial at some constants of reference gives the difference, as a shift of the probit of a rate,
-of the logarithm of a scatter or of counts, or of a mean range. The shift is taken to be the same at constants nearby.
+rates of dark counts from the law of its noise, and the rest from trials with the same random numbers each time. What a
+closed form lacks is added: a large trial at some constants of reference gives the difference, as a shift of the probit of
+a rate or of the logarithm of a scatter. The shift is taken to be the same at constants nearby.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 
-_FEW_TRIALS = 2048  # pixels of a level in the small trial
+_FEW_TRIALS = 8192  # pixels of a level where trials take the place of a closed form
 _LEAST_BITS = 25.0  # variance of the number of detections in a large trial from which its rate corrects the closed form
 _SEED = 38  # random seed of the trials
 
@@ -35,12 +35,14 @@ class CurveReference:
 
     Parameters
     ----------
-    shift : to add to the fast value, as probit, logarithm or metres
+    link : value of the large trial, as probit, logarithm or metres
+    shift : to add to that of the closed form
     scatter : standard deviation of one report, in the unit of the curve; 1 where it has none
     kurtosis : of the reports; 3 where it has none
     trials : pixels of each level of the trial; infinite for a curve that needs none
     """
 
+    link: np.ndarray
     shift: np.ndarray
     scatter: np.ndarray
     kurtosis: np.ndarray
@@ -64,14 +66,22 @@ class CurvePredictor:
         """Return what a large trial of a detector says about a curve, at given true over stated photons."""
         n = len(curve.value)
         if curve.quantity == "dark_counts":
-            return CurveReference(np.zeros(n), np.ones(n), np.full(n, 3.0), np.inf)
+            return CurveReference(np.zeros(n), np.zeros(n), np.ones(n), np.full(n, 3.0), np.inf)
         levels = _Levels(curve.photons * photons_scale, curve.range_m)
         large = _simulate(cast(Hashable, detector), self.pulse, levels, self.trials)
         value, scatter, kurtosis = _pick(curve.quantity, large)
-        shift = to_link(curve.quantity, value) - to_link(curve.quantity, self._predict_fast(detector, curve, levels))
+        link, shift = to_link(curve.quantity, value), np.zeros(n)
+        if self.has_closed_form(detector, curve):
+            shift = link - to_link(curve.quantity, self._predict_fast(detector, curve, levels))
         if curve.quantity == "detection_rate":  # of rates near 0 and 1 the closed form knows more than a trial
             shift = np.where(value * (1.0 - value) * self.trials > _LEAST_BITS, shift, 0.0)
-        return CurveReference(shift, scatter, kurtosis, float(self.trials))
+        return CurveReference(link, shift, scatter, kurtosis, float(self.trials))
+
+    def has_closed_form(self, detector: AnyDetector, curve: MeasuredCurve) -> bool:
+        """Return whether the values of a curve come from a closed form, and not from trials."""
+        if curve.quantity == "range_scatter":
+            return not list_neglected_effects(detector)
+        return curve.quantity in ("detection_rate", "dark_counts")
 
     def predict(
         self,
@@ -95,13 +105,13 @@ class CurvePredictor:
         return from_link(curve.quantity, to_link(curve.quantity, fast) + reference.shift)
 
     def _predict_fast(self, detector: AnyDetector, curve: MeasuredCurve, levels: _Levels) -> np.ndarray:
-        """Return the values of a curve (point) by closed form, or by a small trial."""
+        """Return the values of a curve (point) by closed form, or by trials."""
         still = np.zeros(len(curve.value))
         if curve.quantity == "detection_rate":
             known = predict(detector, self.pulse, levels.photons, still, only_probability=True)
             false = 0.0 if isinstance(detector, GeigerArray) else false_alarm_probability(detector, curve.range_m)
             return np.asarray(known.probability * (1.0 - false))
-        if curve.quantity == "range_scatter" and not list_neglected_effects(detector):
+        if self.has_closed_form(detector, curve):
             return predict(detector, self.pulse, levels.photons, still).range_precision_m
         return _pick(curve.quantity, _simulate(cast(Hashable, detector), self.pulse, levels, _FEW_TRIALS))[0]
 

@@ -29,7 +29,7 @@ def find_residuals(curve: MeasuredCurve, expected: np.ndarray, reference: CurveR
         p = np.clip(expected, 0.5 / reference.trials, 1.0 - 0.5 / reference.trials)
         count = 1.0 / (1.0 / n + trial_part + curve.systematic**2 / (p * (1.0 - p)))
         deviance = 2.0 * count * (_xlogy(value, value / p) + _xlogy(1.0 - value, (1.0 - value) / (1.0 - p)))
-        return np.asarray(np.sign(value - p) * np.sqrt(np.maximum(deviance, 0.0)))
+        return _bounded(np.sign(value - p) * np.sqrt(np.maximum(deviance, 0.0)))
     if curve.quantity == "dark_counts":
         mean = np.maximum(expected, 1e-6)
         deviance = 2.0 * (_xlogy(value, value / mean) - (value - mean)) / (1.0 + curve.systematic**2 / mean)
