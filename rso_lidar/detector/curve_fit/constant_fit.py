@@ -24,9 +24,11 @@ _SETTLED = (
 _DERIVATIVE_STEP = 0.04  # of a free number to each side
 _TRIAL_STEP = 0.1  # of a free number to each side for slopes by trials, over which their noise is small
 _FARTHEST_STEP = 1.5  # of a free number in a round: farther away slopes and shifts say little
+_TETHER = 0.05  # weight of a step: where the curves say nothing, numbers stay where they are
 _MOST_EVALUATIONS = 60
 _REJECTED_BELOW = 1e-3  # probability of a worse fit, below which the model is rejected
 _UNRESOLVED = 1.0  # standard error of a free number, which is a factor e, from which constants count as unknown
+_LEAST_INFORMATION = 1e-2  # added for free numbers on the way, of which nothing may be known yet
 _INVOLVED = 0.3  # component of an unknown direction from which a constant is named
 ALIKE = 0.95  # correlation from which two constants are hard to tell apart
 
@@ -181,16 +183,16 @@ def fit_constants(
         found = _minimise(problem, free)
         information = problem.differentiate(found)
         normal = information.T @ information
-        _check_resolved(problem, normal)
-        sigma = np.sqrt(np.diagonal(np.linalg.inv(normal)))
+        sigma = np.sqrt(np.diagonal(np.linalg.inv(normal + _LEAST_INFORMATION * np.eye(len(found)))))
         settled = bool(np.all(np.abs(found - free) < _SETTLED * sigma))
-        free = found
+        step, free = np.abs(found - free) / sigma, found
         if settled:
+            _check_resolved(problem, normal)
             return _summarise(problem, free, normal, confidence)
-    worst = int(np.argmax(np.abs(sigma)))
+    _check_resolved(problem, normal)
     raise ScenarioError(
-        f"constants: the fit does not converge in {_MOST_ROUNDS} rounds ({problem.labels[worst]} still moves); start nearer "
-        "(start), or fit fewer constants"
+        f"constants: the fit does not converge in {_MOST_ROUNDS} rounds ({problem.labels[int(step.argmax())]} still moves); "
+        "start nearer (start), or fit fewer constants"
     )
 
 
@@ -294,9 +296,9 @@ def _minimise(problem: _Problem, free: np.ndarray) -> np.ndarray:
     from scipy.optimize import least_squares
 
     found = least_squares(  # of the step from here
-        lambda step: problem.residuals(free + step),
+        lambda step: np.concatenate([problem.residuals(free + step), _TETHER * step]),
         np.zeros(len(free)),
-        jac=lambda step: problem.differentiate(free + step),
+        jac=lambda step: np.concatenate([problem.differentiate(free + step), _TETHER * np.eye(len(free))]),
         bounds=(-_FARTHEST_STEP, _FARTHEST_STEP),
         xtol=1e-4,
         ftol=1e-5,
