@@ -196,6 +196,7 @@ def fit_camera(lidar: Lidar, file: CurvesFile, *, on_round: Callable[[int], None
             photons_error_fraction=file.photons_error_fraction,
             on_round=on_round,
         )
+        lidar.replace(detector=fit.detector)  # which refuses a detector that noise alone would trigger
     return CameraFit(file, lidar, fit, tuple(hashes), datetime.datetime.now(datetime.UTC).replace(microsecond=0))
 
 

@@ -52,12 +52,12 @@ def test_each_invented_camera_is_found(name):
 
 @pytest.mark.slow
 def test_intervals_cover_as_often_as_they_say():
-    # 60 fits of three constants: at 95 % each, 160 or fewer of 180 would have a probability of 0.1 %.
+    # 40 fits of three constants: at 95 % each, 105 or fewer of 120 have a probability of 0.1 %.
     covered = 0
-    for seed in range(60):
+    for seed in range(40):
         for constant in fit(FAST, measure(FAST, 400 + seed)).constants:
             covered += constant.low <= FAST.hidden[constant.name] <= constant.high
-    assert 161 <= covered
+    assert covered >= 106
 
 
 def test_an_amplifier_that_clips_otherwise_is_rejected():
@@ -106,7 +106,8 @@ def test_constants_that_only_a_ratio_tells_are_refused_by_name():
     # The shot noise of the empirical detector is F / QE times the photons.
     names = ["reference_photons", "quantum_efficiency", "excess_noise_factor"]
     with pytest.raises(ScenarioError, match="quantum_efficiency and excess_noise_factor cannot be told apart"):
-        fit_constants(RATES.sheet, RATES.pulse, measure(RATES, 10), names, start=FAST.start, trials=4096)
+        true = set_constants(FAST.sheet, FAST.hidden)
+        fit_constants(true, RATES.pulse, measure(RATES, 10), names, trials=4096)
 
 
 def test_a_constant_without_effect_is_refused_by_name():
