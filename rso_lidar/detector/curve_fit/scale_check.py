@@ -15,7 +15,7 @@ from rso_lidar.errors import ScenarioError
 _MOST_FACTOR = 5.0  # between a curve and the detector that its fit starts from
 _FARTHEST = 1e9  # factor of light up to which the shift of a detection curve is sought, and its inverse
 _POINTS = 400  # factors of light for which detection is computed
-_POWER_WITHIN = 0.2  # decades from a power of ten, within which a factor is called that power
+_POWER_WITHIN = 0.4  # decades from a power of ten, within which a factor is called that power
 _NEAR_M = 5.0  # mean error of range from which it is no error of a camera
 
 

@@ -48,7 +48,7 @@ class CurveTable(Part):
             "of these."
         ),
     )
-    photons: Text | Positive | None = Field(
+    photons: Positive | Text | None = Field(
         default=None,
         description=(
             "Expected photons on the pixel, after the optics and before quantum efficiency. Required, except for "
@@ -58,16 +58,16 @@ class CurveTable(Part):
     photons_per_unit: Positive = Field(
         default=1.0, description="Photons on the pixel for each unit of `photons`, such as for 1 nJ/cm²."
     )
-    density: Text | NotNegative = Field(
+    density: NotNegative | Text = Field(
         default=0.0, description="Optical density D of the filters between the source and the pixel: they pass 10^-D."
     )
-    trials: Text | Positive = Field(
+    trials: Positive | Text = Field(
         description=(
             "Number of flashes times pixels behind each rate, number of reports behind each mean or scatter, or armed "
             "time of `dark_counts` times pixels [s]."
         )
     )
-    range_m: Text | NotNegative | None = Field(
+    range_m: NotNegative | Text | None = Field(
         default=None,
         description=(
             "Range of the plate [m]. If omitted, 20 m into what the detector sees, and values of `range_mean` are errors."
@@ -76,13 +76,13 @@ class CurveTable(Part):
     range_offset_m: Number = Field(
         default=0.0, description="Offset of the bench, which is subtracted from measured mean ranges [m]."
     )
-    threshold: Text | Positive | None = Field(
+    threshold: Positive | Text | None = Field(
         default=None, description="Threshold at which `dark_counts` were measured. If omitted, the detector's own."
     )
     electrons_per_unit: Positive = Field(
         default=1.0, description="Electrons for each unit of `threshold`, such as for 1 mV."
     )
-    systematic: Text | NotNegative = Field(
+    systematic: NotNegative | Text = Field(
         default=0.0,
         description=(
             "Error that all trials of a point share, 1 sigma, in the unit of the values. It is what keeps a good fit from "
