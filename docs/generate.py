@@ -29,8 +29,8 @@ from rso_lidar import part, records
 from rso_lidar.dataset.shards.layout import LabelledFrame
 from rso_lidar.dataset.specification.distributions import Law
 from rso_lidar.detector.analysis.false_alarms import mean_false_alarms_per_s
-from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.evaluation import CurvesFile
+from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.loop.service.requests import REQUESTS, CommandRequest
 from rso_lidar.mission_analysis import list_materials
 from rso_lidar.part import describe_type

@@ -180,12 +180,12 @@ def fit_constants(
     for number in range(_MOST_ROUNDS):
         on_round(number + 1)
         problem.refer(free)
-        found = _minimise(problem, free)
-        information = problem.differentiate(found)
+        optimum = _minimise(problem, free)
+        information = problem.differentiate(optimum)
         normal = information.T @ information
-        sigma = np.sqrt(np.diagonal(np.linalg.inv(normal + _LEAST_INFORMATION * np.eye(len(found)))))
-        settled = bool(np.all(np.abs(found - free) < _SETTLED * sigma))
-        step, free = np.abs(found - free) / sigma, found
+        sigma = np.sqrt(np.diagonal(np.linalg.inv(normal + _LEAST_INFORMATION * np.eye(len(optimum)))))
+        settled = bool(np.all(np.abs(optimum - free) < _SETTLED * sigma))
+        step, free = np.abs(optimum - free) / sigma, optimum
         if settled:
             _check_resolved(problem, normal)
             return _summarise(problem, free, normal, confidence)
@@ -295,7 +295,7 @@ def _minimise(problem: _Problem, free: np.ndarray) -> np.ndarray:
     """Return the free numbers of least sum of squared residuals."""
     from scipy.optimize import least_squares
 
-    found = least_squares(  # of the step from here
+    solution = least_squares(  # of the step from here
         lambda step: np.concatenate([problem.residuals(free + step), _TETHER * step]),
         np.zeros(len(free)),
         jac=lambda step: np.concatenate([problem.differentiate(free + step), _TETHER * np.eye(len(free))]),
@@ -305,12 +305,12 @@ def _minimise(problem: _Problem, free: np.ndarray) -> np.ndarray:
         gtol=1e-4,
         max_nfev=_MOST_EVALUATIONS,
     )
-    if found.status == 0:
+    if solution.status == 0:
         raise ScenarioError(
             f"constants: the fit does not converge in {_MOST_EVALUATIONS} steps; start nearer (start), or fit fewer "
             "constants"
         )
-    return np.asarray(free + found.x)
+    return np.asarray(free + solution.x)
 
 
 def _check_resolved(problem: _Problem, normal: np.ndarray) -> None:

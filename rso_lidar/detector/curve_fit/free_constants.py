@@ -111,7 +111,13 @@ def set_constants(detector: AnyDetector, values: Mapping[str, float]) -> Any:
 
 
 def get_constant(detector: AnyDetector, name: str) -> float:
-    """Return the value of a constant of a detector by its dotted name."""
+    """Return the value of a constant of a detector.
+
+    Parameters
+    ----------
+    detector : a part with that number
+    name : dotted name in `[lidar.detector]`, such as ``amplifier.noise_electrons``
+    """
     value: Any = detector
     for key in name.split("."):
         value = getattr(value, key)

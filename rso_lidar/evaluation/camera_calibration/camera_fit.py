@@ -60,7 +60,8 @@ class CameraFit:
             freedom=fit.freedom,
             p_value=fit.p_value,
             constants=tuple(
-                CalibratedConstant(name=one.name, value=one.value, low=one.low, high=one.high) for one in fit.constants
+                CalibratedConstant(name=free.name, value=free.value, low=free.low, high=free.high)
+                for free in fit.constants
             ),
             data=tuple(
                 CalibrationData(
@@ -89,8 +90,8 @@ class CameraFit:
         scale = [fit.photons_scale] if fit.photons_scale else []
         constants = [("constant", "start", "fitted", f"low {percent}", f"high {percent}")]
         constants += [
-            (one.name, f"{one.start:.6g}", f"{one.value:.6g}", f"{one.low:.6g}", f"{one.high:.6g}")
-            for one in [*fit.constants, *scale]
+            (free.name, f"{free.start:.6g}", f"{free.value:.6g}", f"{free.low:.6g}", f"{free.high:.6g}")
+            for free in [*fit.constants, *scale]
         ]
         curves = [("curve", "points", "chi-square", "P of a worse fit")]
         curves += [

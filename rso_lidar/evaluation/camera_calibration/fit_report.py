@@ -150,8 +150,11 @@ def _tabulate_constants(camera: CameraFit) -> str:
     fit = camera.fit
     scale = [fit.photons_scale] if fit.photons_scale else []
     rows = [
-        (f"<code>{escape(one.name)}</code>", *(f"{value:.6g}" for value in (one.start, one.value, one.low, one.high)))
-        for one in [*fit.constants, *scale]
+        (
+            f"<code>{escape(constant.name)}</code>",
+            *(f"{value:.6g}" for value in (constant.start, constant.value, constant.low, constant.high)),
+        )
+        for constant in [*fit.constants, *scale]
     ]
     percent = f"{100.0 * fit.confidence:g} %"
     heads = [
@@ -166,7 +169,7 @@ def _tabulate_constants(camera: CameraFit) -> str:
 
 def _tabulate_correlations(camera: CameraFit) -> list[str]:
     fit = camera.fit
-    names = [one.name for one in fit.constants]
+    names = [constant.name for constant in fit.constants]
     if len(names) < 2:
         return []
     rows = [
