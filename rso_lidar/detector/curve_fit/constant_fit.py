@@ -21,7 +21,7 @@ _MOST_ROUNDS = 12  # of a fit and a large trial where it ended
 _SETTLED = (
     0.5  # standard errors of each constant: a smaller step between rounds is noise of the large trials, which they hold
 )
-_DERIVATIVE_STEP = 0.04  # of a free number to each side
+_DERIVATIVE_STEP = 0.01  # of a free number to each side
 _TRIAL_STEP = 0.1  # of a free number to each side for slopes by trials, over which their noise is small
 _FARTHEST_STEP = 1.5  # of a free number in a round: farther away slopes and shifts say little
 _TETHER = 0.05  # weight of a step: where the curves say nothing, numbers stay where they are
