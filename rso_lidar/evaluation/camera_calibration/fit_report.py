@@ -34,7 +34,7 @@ _LABELS = {
 def draw_camera_fit(camera: CameraFit) -> Figure:
     """Draw each measured curve over the simulated ones, and its residuals below."""
     curves = camera.fit.curves
-    columns = min(_COLUMNS, len(curves))
+    columns = 2 if len(curves) == 4 else min(_COLUMNS, len(curves))
     rows = math.ceil(len(curves) / columns)
     verdict = "rejected" if camera.fit.is_rejected else "accepted"
     note = (

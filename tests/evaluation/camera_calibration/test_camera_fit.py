@@ -4,6 +4,7 @@ import pytest
 
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.evaluation import CurvesFile, fit_camera
+from rso_lidar.mission_analysis import list_parameters
 from rso_lidar.scenario import Lidar, Scenario
 from tests.evaluation.camera_calibration.bench_for_tests import CURVES, HIDDEN, SCENARIO, make_table, write_bench
 
@@ -62,6 +63,21 @@ def test_check_names_a_fitted_constant_that_the_scenario_overrides(fitted, tmp_p
     )
     lines = Scenario.loads(text, folder=tmp_path).advice()
     assert any("lidar.detector.reference_photons is not as the calibration 'invented' has it" in line for line in lines)
+
+
+def test_check_and_parameters_say_what_is_measured(fitted, tmp_path):
+    _, camera = fitted
+    camera.save_preset(tmp_path / "own.toml")
+    text = SCENARIO.replace('detector = { type = "empirical", quantum_efficiency = 0.7 }', 'preset = "own.toml"')
+    scenario = Scenario.loads(text, folder=tmp_path)
+    assert "fitted    reference_photons, noise_equivalent_photons: calibration 'invented'" in scenario.describe()
+    assert not [line for line in scenario.advice() if "calibration" in line]
+    sources = {parameter.path: parameter.source for parameter in list_parameters(scenario).parameters}
+    assert sources["lidar.detector.reference_photons"] == "calibration invented"
+    assert sources["lidar.detector.counts_per_photon"] == "scenario"
+    other = Scenario.loads(text.replace("pulse_fwhm_ns = 6", "pulse_fwhm_ns = 9"), folder=tmp_path)
+    (line,) = [line for line in other.advice() if "calibration" in line]
+    assert "was measured at 6 ns, and lidar.laser.pulse_fwhm_ns is 9" in line
 
 
 def test_a_rejected_fit_writes_no_preset(tmp_path):
