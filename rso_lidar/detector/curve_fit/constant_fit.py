@@ -18,6 +18,7 @@ from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.errors import ScenarioError
 
 _MOST_ROUNDS = 12  # of a fit and a large trial where it ended
+_FEWER_FIRST = 8  # times fewer trials in the rounds until the constants settle
 _SETTLED = (
     0.5  # standard errors of each constant: a smaller step between rounds is noise of the large trials, which they hold
 )
@@ -93,7 +94,6 @@ class ConstantFit:
     chi2, freedom : sum of squared residuals, and its degrees of freedom
     p_value : probability of a worse fit, were the model true
     photons_scale : true over stated photons, with its interval; None unless an error of the photons was stated
-    trials : pixels for each level of the large trials
     """
 
     detector: AnyDetector
@@ -105,7 +105,6 @@ class ConstantFit:
     freedom: float
     p_value: float
     photons_scale: FittedConstant | None
-    trials: int
 
     @property
     def is_rejected(self) -> bool:
@@ -134,7 +133,7 @@ def fit_constants(
     start: Mapping[str, float] | None = None,
     confidence: float = 0.95,
     photons_error_fraction: float = 0.0,
-    trials: int = 32_768,
+    trials: int = 65_536,
     on_round: Callable[[int], None] = lambda _: None,
 ) -> ConstantFit:
     """Fit named constants of a detector to measured curves by greatest likelihood.
@@ -156,7 +155,7 @@ def fit_constants(
     start : where the fit starts, by name, in place of the detector's own values
     confidence : probability of the intervals
     photons_error_fraction : relative error that all stated photons share, 1 sigma. Their scale is then fitted too
-    trials : pixels for each level of the large trials
+    trials : pixels for each level of the large trials in the last round
     on_round : called with the number of each round
 
     Returns
@@ -172,23 +171,25 @@ def fit_constants(
     if not constants:
         raise ScenarioError("constants: none is named; name one, such as trigger.threshold_electrons")
     at_start = set_constants(detector, {constant.name: constant.start for constant in constants})
-    problem = _Problem(at_start, CurvePredictor(pulse, trials), tuple(curves), constants, photons_error_fraction)
+    problem = _Problem(at_start, CurvePredictor(pulse), tuple(curves), constants, photons_error_fraction)
     _check_points(problem)
     for curve in problem.curves:
         check_scale(problem.predictor, at_start, curve)
-    free = problem.start
+    free, now = problem.start, max(trials // _FEWER_FIRST, 1)
     for number in range(_MOST_ROUNDS):
         on_round(number + 1)
-        problem.refer(free)
+        problem.refer(free, now)
         optimum = _minimise(problem, free)
         information = problem.differentiate(optimum)
         normal = information.T @ information
         sigma = np.sqrt(np.diagonal(np.linalg.inv(normal + _LEAST_INFORMATION * np.eye(len(optimum)))))
         settled = bool(np.all(np.abs(optimum - free) < _SETTLED * sigma))
         step, free = np.abs(optimum - free) / sigma, optimum
-        if settled:
+        if settled and now == trials:
             _check_resolved(problem, normal)
             return _summarise(problem, free, normal, confidence)
+        if settled:
+            now = trials
     _check_resolved(problem, normal)
     raise ScenarioError(
         f"constants: the fit does not converge in {_MOST_ROUNDS} rounds ({problem.labels[int(step.argmax())]} still moves); "
@@ -227,11 +228,11 @@ class _Problem:
         }
         return set_constants(self.detector, values), math.exp(free[-1]) if self.photons_error > 0.0 else 1.0
 
-    def refer(self, free: np.ndarray) -> None:
+    def refer(self, free: np.ndarray, trials: int) -> None:
         """Run the large trials at free numbers, and those about them for slopes."""
         detector, scale = self.split(free)
         self.referred = free
-        self.references = [self.predictor.refer(detector, curve, scale) for curve in self.curves]
+        self.references = [self.predictor.refer(detector, curve, trials, scale) for curve in self.curves]
         self.slopes = [
             None if self.predictor.has_closed_form(detector, curve) else self._find_slopes(curve, free)
             for curve in self.curves
@@ -374,7 +375,6 @@ def _summarise(problem: _Problem, free: np.ndarray, normal: np.ndarray, confiden
         freedom,
         float(chi2.sf(total, freedom)),
         scale_fit,
-        problem.predictor.trials,
     )
 
 

@@ -56,26 +56,32 @@ class CurvePredictor:
     Parameters
     ----------
     pulse : the laser's pulse
-    trials : pixels of each level in a large trial
     """
 
     pulse: LaserPulse
-    trials: int = 32_768
 
-    def refer(self, detector: AnyDetector, curve: MeasuredCurve, photons_scale: float = 1.0) -> CurveReference:
-        """Return what a large trial of a detector says about a curve, at given true over stated photons."""
+    def refer(
+        self, detector: AnyDetector, curve: MeasuredCurve, trials: int, photons_scale: float = 1.0
+    ) -> CurveReference:
+        """Return what a large trial of a detector says about a curve.
+
+        Parameters
+        ----------
+        trials : pixels of each level
+        photons_scale : true over stated photons
+        """
         n = len(curve.value)
         if curve.quantity == "dark_counts":
             return CurveReference(np.zeros(n), np.zeros(n), np.ones(n), np.full(n, 3.0), np.inf)
         levels = _Levels(curve.photons * photons_scale, curve.range_m)
-        large = _simulate(cast(Hashable, detector), self.pulse, levels, self.trials)
+        large = _simulate(cast(Hashable, detector), self.pulse, levels, trials)
         value, scatter, kurtosis = _pick(curve.quantity, large)
         link, shift = to_link(curve.quantity, value), np.zeros(n)
         if self.has_closed_form(detector, curve):
             shift = link - to_link(curve.quantity, self._predict_fast(detector, curve, levels))
         if curve.quantity == "detection_rate":  # of rates near 0 and 1 the closed form knows more than a trial
-            shift = np.where(value * (1.0 - value) * self.trials > _LEAST_BITS, shift, 0.0)
-        return CurveReference(link, shift, scatter, kurtosis, float(self.trials))
+            shift = np.where(value * (1.0 - value) * trials > _LEAST_BITS, shift, 0.0)
+        return CurveReference(link, shift, scatter, kurtosis, float(trials))
 
     def has_closed_form(self, detector: AnyDetector, curve: MeasuredCurve) -> bool:
         """Return whether the values of a curve come from a closed form, and not from trials."""

@@ -23,8 +23,8 @@ PULSE = make_pulse(8.0)
 def test_near_its_reference_a_prediction_is_that_of_the_large_trial(quantity):
     photons = np.array([700.0, 800.0, 1000.0])
     curve = make_curve(quantity, photons, np.full(3, 0.5), np.full(3, 100.0))
-    predictor, detector = CurvePredictor(PULSE, 4096), Gsfl()
-    reference = predictor.refer(detector, curve)
+    predictor, detector = CurvePredictor(PULSE), Gsfl()
+    reference = predictor.refer(detector, curve, 4096)
     large = simulate_levels(detector, PULSE, photons, curve.range_m, 4096, 38)
     value = {
         "detection_rate": large.share,
