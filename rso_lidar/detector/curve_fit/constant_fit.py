@@ -22,7 +22,7 @@ _FEWER_FIRST = 8  # times fewer trials in the rounds until the constants settle
 _SETTLED = (
     0.5  # standard errors of each constant: a smaller step between rounds is noise of the large trials, which they hold
 )
-_DERIVATIVE_STEP = 0.01  # of a free number to each side
+_DERIVATIVE_STEP = 0.005  # of a free number; closed forms are smooth
 _TRIAL_STEP = 0.1  # of a free number to each side for slopes by trials, over which their noise is small
 _FARTHEST_STEP = 1.5  # of a free number in a round: farther away slopes and shifts say little
 _TETHER = 0.05  # weight of a step: where the curves say nothing, numbers stay where they are
@@ -274,12 +274,11 @@ class _Problem:
         return np.concatenate(parts)
 
     def differentiate(self, free: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the residuals (residual, number)."""
-        columns = []
-        for k in range(len(free)):
-            step = np.zeros(len(free))
-            step[k] = _DERIVATIVE_STEP
-            columns.append((self.residuals(free + step) - self.residuals(free - step)) / (2.0 * _DERIVATIVE_STEP))
+        """Return the derivatives of the residuals (residual, number), from differences to one side."""
+        here = self.residuals(free)
+        columns = [
+            (self.residuals(free + step) - here) / _DERIVATIVE_STEP for step in _DERIVATIVE_STEP * np.eye(len(free))
+        ]
         return np.stack(columns, axis=1)
 
 

@@ -15,6 +15,7 @@ from typing import cast
 
 import numpy as np
 
+from rso_lidar.detector.analysis.closed_form import Prediction
 from rso_lidar.detector.analysis.false_alarms import mean_false_alarms_per_s
 from rso_lidar.detector.bench.prediction import predict
 from rso_lidar.detector.curve_fit.measured_curve import LevelStatistics, MeasuredCurve, simulate_levels
@@ -112,13 +113,12 @@ class CurvePredictor:
 
     def _predict_fast(self, detector: AnyDetector, curve: MeasuredCurve, levels: _Levels) -> np.ndarray:
         """Return the values of a curve (point) by closed form, or by trials."""
-        still = np.zeros(len(curve.value))
         if curve.quantity == "detection_rate":
-            known = predict(detector, self.pulse, levels.photons, still, only_probability=True)
+            known = _predict_form(cast(Hashable, detector), self.pulse, levels)
             false = 0.0 if isinstance(detector, GeigerArray) else false_alarm_probability(detector, curve.range_m)
             return np.asarray(known.probability * (1.0 - false))
         if self.has_closed_form(detector, curve):
-            return predict(detector, self.pulse, levels.photons, still).range_precision_m
+            return _predict_form(cast(Hashable, detector), self.pulse, levels).range_precision_m
         return _pick(curve.quantity, _simulate(cast(Hashable, detector), self.pulse, levels, _FEW_TRIALS))[0]
 
 
@@ -134,6 +134,12 @@ class _Levels:
 
     def __hash__(self) -> int:
         return hash(self._key)
+
+
+@lru_cache(maxsize=64)
+def _predict_form(detector: Hashable, pulse: LaserPulse, levels: _Levels) -> Prediction:
+    """Predict levels of light by closed form, kept for curves that were measured at the same points."""
+    return predict(cast(AnyDetector, detector), pulse, levels.photons, np.zeros(len(levels.photons)))
 
 
 @lru_cache(maxsize=64)

@@ -52,7 +52,7 @@ CAMERAS = {
         ),
         {"amplifier.noise_electrons": 1600.0, "trigger.threshold_electrons": 12_000.0, "timing.pixel_jitter_ns": 0.15},
         make_pulse(5.0),
-        tuple(np.geomspace(120.0, 3000.0, 12)),
+        tuple(np.geomspace(130.0, 3000.0, 12)),
         ("detection_rate", "range_scatter"),
     ),
     "curves": Invented(
