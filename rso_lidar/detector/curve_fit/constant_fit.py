@@ -19,9 +19,7 @@ from rso_lidar.errors import ScenarioError
 
 _MOST_ROUNDS = 12  # of a fit and a large trial where it ended
 _FEWER_FIRST = 8  # times fewer trials in the rounds until the constants settle
-_SETTLED = (
-    0.5  # standard errors of each constant: a smaller step between rounds is noise of the large trials, which they hold
-)
+_SETTLED = 0.5  # standard errors of each constant: a smaller step between rounds is noise of the trials
 _DERIVATIVE_STEP = 0.005  # of a free number; closed forms are smooth
 _TRIAL_STEP = 0.1  # of a free number to each side for slopes by trials, over which their noise is small
 _FARTHEST_STEP = 1.5  # of a free number in a round: farther away slopes and shifts say little
@@ -318,7 +316,9 @@ def _check_resolved(problem: _Problem, normal: np.ndarray) -> None:
     size, direction = np.linalg.eigh(normal)
     if size[0] > 1.0 / _UNRESOLVED**2:
         return
-    involved = [label for label, part in zip(problem.labels, direction[:, 0], strict=True) if abs(part) > _INVOLVED]
+    parts = np.abs(direction[:, 0])
+    least = min(_INVOLVED, float(parts.max()))
+    involved = [label for label, part in zip(problem.labels, parts, strict=True) if part >= least]
     if len(involved) > 1:
         what = f"{' and '.join(involved)} cannot be told apart by these curves"
         raise ScenarioError(f"constants: {what}; fix one of them, or add a curve that depends on one alone")
