@@ -10,6 +10,7 @@ from __future__ import annotations
 import datetime
 import math
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +34,8 @@ from rso_lidar.detector.settings.apd import noise_rms
 from rso_lidar.detector.stages.crossing_rate import false_alarm_rate, rice_rate
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.detector.stages.time_axis import place_rows
+from rso_lidar.evaluation import CurvesFile, fit_camera
+from rso_lidar.evaluation.camera_calibration.fit_report import draw_camera_fit
 from rso_lidar.mission_analysis import fly_open_loop
 from rso_lidar.optics.rays.contour_images import cut_contours, image_contours
 from rso_lidar.picture import colour_maps, figures, palette
@@ -930,6 +933,47 @@ def published() -> Any:
     return figure
 
 
+def camera_fit() -> Any:
+    """Return measured curves of an invented camera of silicon pixels over the fitted ones (camera_fit.md)."""
+    sheet = rl.Gsfl(
+        quantum_efficiency=0.7,
+        armed_to_m=500.0,
+        apd=rl.detector.Apd(gain=80.0, ionisation_ratio=0.02, dark_current_na=0.05),
+        amplifier=rl.detector.Amplifier(noise_electrons=1000.0, bandwidth_mhz=150.0),
+        trigger=rl.detector.Trigger(threshold_electrons=9000.0),
+        readout=rl.detector.Readout(sample_ns=1.5),
+    )
+    camera = sheet.replace(
+        amplifier=sheet.amplifier.replace(noise_electrons=1600.0),
+        trigger=sheet.trigger.replace(threshold_electrons=12_000.0),
+        readout=sheet.readout.replace(electrons_per_count=310.0),
+        timing=rl.detector.Timing(pixel_jitter_ns=0.15),
+    )
+    lines = ["photons,hits,sigma_m,counts,counts_sigma"]
+    for level in np.geomspace(120.0, 4000.0, 14):
+        trial = seen(camera, level, 2000, pulse_fwhm_ns=5.0, range_m=20.0)
+        error_m, n = trial.range_error_m, trial.intensity_counts
+        kept = np.abs(error_m - np.median(error_m)) < 5.0 * trial.range_noise_m
+        lines.append(f"{level},{kept.sum()},{error_m[kept].std()},{n[kept].mean()},{n[kept].std()}")
+    measured = {
+        "detection_rate": 'value = "hits"\nunit = "hits"\ntrials = 2000',
+        "range_scatter": 'value = "sigma_m"\ntrials = "hits"',
+        "counts_mean": 'value = "counts"\ntrials = "hits"',
+        "counts_scatter": 'value = "counts_sigma"\ntrials = "hits"',
+    }
+    free = ("amplifier.noise_electrons", "trigger.threshold_electrons", "timing.pixel_jitter_ns")
+    text = f'version = 1\nname = "silicon_64"\nconstants = {[*free, "readout.electrons_per_count"]}\n'
+    for quantity, columns in measured.items():
+        text += f'[[curve]]\nquantity = "{quantity}"\nfile = "plate.csv"\nphotons = "photons"\n{columns}\n'
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "plate.csv").write_text("\n".join(lines), encoding="utf-8")
+        laser = rl.Laser(wavelength_nm=850.0, pulse_fwhm_ns=5.0)
+        lidar = rl.Lidar(laser=laser, receiver=rl.Receiver(fov_deg=6.0, f_number=2.0), detector=sheet)
+        fitted = fit_camera(lidar, CurvesFile.loads(text, folder=Path(folder)))
+    sys.stdout.write(f"{fitted.table()}\n")
+    return draw_camera_fit(fitted)
+
+
 def stray_light() -> Any:
     """Steady light and laser light of the example with ghosts and glare, as the Sun passes behind the satellite."""
     from matplotlib.colors import LogNorm
@@ -1435,6 +1479,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "smear": smear,
     "allan": allan,
     "published": published,
+    "camera_fit": camera_fit,
     "scan_lines": scan_lines,
     "second_bounce": second_bounce,
 }

@@ -29,6 +29,7 @@ from rso_lidar import part, records
 from rso_lidar.dataset.shards.layout import LabelledFrame
 from rso_lidar.dataset.specification.distributions import Law
 from rso_lidar.detector.analysis.false_alarms import mean_false_alarms_per_s
+from rso_lidar.evaluation import CurvesFile
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.loop.service.requests import REQUESTS, CommandRequest
 from rso_lidar.mission_analysis import list_materials
@@ -91,6 +92,7 @@ def pages(*names: str) -> dict[Path, str]:
         "orbits.md": {"rotations": spin_presets, "flown plans": flown_plans},
         "studies.md": {"merits": merits, "study keys": study_keys},
         "requirements.md": {"requirement keys": requirement_keys},
+        "camera_fit.md": {"curve keys": curve_keys},
         "protocol.md": {"requests": request_keys},
         "datasets.md": {"arrays": shard_arrays, "spec keys": dataset_keys},
         "glossary.md": {"classes": classes},
@@ -309,6 +311,13 @@ def _requirement_sections() -> dict[type[part.Part], Section]:
 def requirement_keys() -> str:
     """Return a section with a table of keys for each part of a requirements file."""
     return _key_tables(_requirement_sections())
+
+
+def curve_keys() -> str:
+    """Return a section with a table of keys for each part of a curves file."""
+    found: dict[type[part.Part], Section] = {CurvesFile: Section("the curves file", 3, [], False)}
+    _collect(CurvesFile, "", 3, found)
+    return _key_tables(found)
 
 
 def request_keys() -> str:

@@ -1,4 +1,4 @@
-"""`rso-lidar camera`: the simulated data sheet of a camera."""
+"""`rso-lidar camera`: the simulated data sheet of a camera, and a camera of your own fitted to measurements."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from rso_lidar.cli import camera_fit
 from rso_lidar.cli.arguments import (
     CameraName,
     Dark,
@@ -29,7 +30,7 @@ app = typer.Typer(
 
 @app.callback()
 def camera() -> None:
-    """Simulate the data sheet of a camera.
+    """Simulate the data sheet of a camera, or fit a camera of your own to measurements.
 
     `camera FILE` is `camera datasheet FILE`.
     """
@@ -74,3 +75,4 @@ def datasheet(
 
 
 app.command("datasheet")(datasheet)
+app.command("fit")(camera_fit.fit)

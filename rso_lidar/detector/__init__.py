@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from rso_lidar.detector.bench.range_resolution import SIGNAL_OVER_THRESHOLD, simulate_separations
     from rso_lidar.detector.bench.trial import Surroundings, Trial, make_plate, make_point_returns, run_trial
     from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
+    from rso_lidar.detector.curve_fit.constant_fit import ConstantFit, FittedConstant, FittedCurve, fit_constants
+    from rso_lidar.detector.curve_fit.free_constants import get_constant
+    from rso_lidar.detector.curve_fit.measured_curve import CURVE_QUANTITIES, CurveQuantity, MeasuredCurve
     from rso_lidar.detector.detection import (
         AnyDetector,
         DescribedDetector,
@@ -76,6 +79,7 @@ else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "CURVE_QUANTITIES",
     "DETECTOR_PRESETS",
     "SIGNAL_OVER_THRESHOLD",
     "Amplifier",
@@ -84,7 +88,9 @@ __all__ = [
     "ArrayLoad",
     "Bloom",
     "CameraFigure",
+    "ConstantFit",
     "Crosstalk",
+    "CurveQuantity",
     "DataSheet",
     "Defects",
     "DescribedDetector",
@@ -93,6 +99,8 @@ __all__ = [
     "DetectorTraits",
     "Droop",
     "Empirical",
+    "FittedConstant",
+    "FittedCurve",
     "Gate",
     "GeigerArray",
     "Gsfl",
@@ -100,6 +108,7 @@ __all__ = [
     "LightCurve",
     "LowGain",
     "Maps",
+    "MeasuredCurve",
     "Prediction",
     "Pulse",
     "Ranging",
@@ -131,7 +140,9 @@ __all__ = [
     "estimate_k_of_n",
     "false_alarm_probability",
     "find_photons",
+    "fit_constants",
     "frame_jitter_s",
+    "get_constant",
     "isolate",
     "k_of_n",
     "list_assumed_settings",

@@ -1,10 +1,13 @@
-"""What a recording showed: frames compared and converted, quality of tracking, fitted orbits, maps of heights."""
+"""What was measured: recordings compared, converted, tracked and fitted, maps of heights, and cameras calibrated."""
 
 from typing import TYPE_CHECKING
 
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
+    from rso_lidar.evaluation.camera_calibration.camera_fit import CameraFit, fit_camera
+    from rso_lidar.evaluation.camera_calibration.curves_file import CurvesFile, CurveTable
+    from rso_lidar.evaluation.camera_calibration.fit_report import FIT_REPORT_SUFFIXES, save_fit_report
     from rso_lidar.evaluation.elevation import (
         HAZARD,
         SAFE,
@@ -45,9 +48,13 @@ else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "FIT_REPORT_SUFFIXES",
     "HAZARD",
     "SAFE",
     "UNKNOWN",
+    "CameraFit",
+    "CurveTable",
+    "CurvesFile",
     "ElevationMap",
     "FrameDifference",
     "MapAgreement",
@@ -60,11 +67,13 @@ __all__ = [
     "compare_maps",
     "find_hazards",
     "find_true_relative_state",
+    "fit_camera",
     "fit_own_orbit",
     "fit_relative_orbit",
     "load_scenario",
     "sample_target",
     "save",
+    "save_fit_report",
     "tracking",
     "view",
 ]

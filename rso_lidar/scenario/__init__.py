@@ -55,6 +55,11 @@ if TYPE_CHECKING:
         find_target,
         require_scenario,
     )
+    from rso_lidar.scenario.tables.calibration import (
+        CalibratedConstant,
+        Calibration,
+        CalibrationData,
+    )
     from rso_lidar.scenario.tables.constraints import (
         Constraints,
         Corridor,
@@ -109,6 +114,9 @@ else:
 
 __all__ = [
     "SHORTEST_EXAMPLE",
+    "CalibratedConstant",
+    "Calibration",
+    "CalibrationData",
     "Constraints",
     "Corridor",
     "CratersAndBoulders",

@@ -77,8 +77,8 @@ def generator():
 
 
 GENERATED = (
-    "architecture.md", "calibration.md", "datasets.md", "glossary.md", "scenario.md", "records.md", "physics.md",
-    "instrument.md", "models.md", "protocol.md", "sensors.md", "requirements.md", "studies.md",
+    "architecture.md", "calibration.md", "camera_fit.md", "datasets.md", "glossary.md", "scenario.md", "records.md",
+    "physics.md", "instrument.md", "models.md", "protocol.md", "sensors.md", "requirements.md", "studies.md",
     pytest.param("orbits.md", marks=pytest.mark.slow),  # it flies forty plans
 )  # fmt: skip
 
@@ -207,6 +207,7 @@ def test_every_picture_is_shown_and_every_figure_drawn():
             "axes.md",
             "pictures.md",
             "dispersion.md",
+            "camera_fit.md",
         )
     )
     assert {name for name in figures if f"](pictures/{name}.png)" in told} == figures

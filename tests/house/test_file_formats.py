@@ -14,6 +14,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.dataset.shards.shard_file import CONVENTIONS
 from rso_lidar.errors import RecordingError, RsoLidarError, RunError
+from rso_lidar.evaluation import CurvesFile
 from rso_lidar.loop.service.command_log import LogHeader
 from rso_lidar.loop.service.requests import SCHEMA
 from rso_lidar.loop.service.wire_format import decode
@@ -22,7 +23,13 @@ from rso_lidar.study import Requirements, Study
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = Path(__file__).with_name("kept_files")
-TEXTS = {"scenario": rl.Scenario, "study": Study, "requirements": Requirements, "dataset": rl.dataset.DatasetSpec}
+TEXTS = {
+    "scenario": rl.Scenario,
+    "study": Study,
+    "requirements": Requirements,
+    "dataset": rl.dataset.DatasetSpec,
+    "curves": CurvesFile,
+}
 
 
 def unpack(name, folder):
@@ -102,8 +109,8 @@ def test_a_dataset_of_version_1_has_the_values_that_were_written(dataset):
 @pytest.mark.parametrize("name", TEXTS)
 def test_a_text_of_version_1_is_read(name):
     text = (KEPT / f"{name}_1.toml").read_text(encoding="utf-8")
-    folder = {"scenario": "", "study": "studies", "requirements": "requirements", "dataset": "datasets"}[name]
-    read = TEXTS[name].loads(text, **({} if name == "requirements" else {"folder": ROOT / "examples" / folder}))
+    folder = {"scenario": "", "study": "studies", "dataset": "datasets"}.get(name)
+    read = TEXTS[name].loads(text, **({} if folder is None else {"folder": ROOT / "examples" / folder}))
     assert read.version == 1
 
 

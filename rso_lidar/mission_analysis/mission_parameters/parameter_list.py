@@ -40,8 +40,8 @@ class MissionParameter:
 
     `path` is the place of a key, as `--set` takes it, or that of a derived figure. `value` is a number, a text, a truth
     value, an instant, a tuple of them, or None where an optional key is left out. `default` is None for a required key
-    too. `source` states where the value comes from: the scenario, a preset, the default with its source, or the
-    derivation.
+    too. `source` states where the value comes from: the scenario, a preset, a calibration, the default with its source, or
+    the derivation.
     """
 
     path: str
@@ -80,20 +80,20 @@ def iterate_parameters(scenario: Scenario) -> Iterator[MissionParameter]:
 
 @dataclass(frozen=True)
 class _Origins:
-    """Origins of values: parts by place with the files that they name found, and values of presets by place."""
+    """Origins of values: parts by place with the files that they name found, and origin and value of presets by place."""
 
     resolved: Mapping[str, Any]
     presets: Mapping[str, tuple[str, Any]]
 
 
 def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
-    """List what the presets of a lidar, of its detector and of sensors set, by place: name of the preset, and value."""
+    """List what presets of a lidar, of its detector and of sensors set, and a calibration: origin and value by place."""
     preset_values: dict[str, tuple[str, Any]] = {}
     detector_preset = getattr(scenario.lidar.detector, "preset", None)
     if detector_preset in DETECTOR_PRESETS:
         values = DETECTOR_PRESETS[detector_preset]
         for name, part in (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons")):
-            preset_values[f"lidar.detector.{name}.{part}"] = (detector_preset, values[part])
+            preset_values[f"lidar.detector.{name}.{part}"] = (f"preset {detector_preset}", values[part])
     if scenario.lidar.preset is not None:
         tables: list[tuple[str, Any]] = [("lidar", load_presets()[scenario.lidar.preset])]
         while tables:
@@ -102,11 +102,14 @@ def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
                 if isinstance(value, Mapping):
                     tables.append((f"{place}.{key}", value))
                 else:
-                    preset_values[f"{place}.{key}"] = (scenario.lidar.preset, value)
+                    preset_values[f"{place}.{key}"] = (f"preset {scenario.lidar.preset}", value)
     for sensor in scenario.sensor:
         preset = getattr(sensor, "preset", None) or ""
         for key, value in load_sensor_presets().get(preset, {}).items():
-            preset_values[f"sensor.{sensor.name}.{key}"] = (preset, value)
+            preset_values[f"sensor.{sensor.name}.{key}"] = (f"preset {preset}", value)
+    calibration = scenario.lidar.calibration
+    for constant in calibration.constants if calibration else ():
+        preset_values[f"lidar.detector.{constant.name}"] = (f"calibration {calibration.name}", constant.value)  # type: ignore[union-attr]
     return preset_values
 
 
@@ -124,7 +127,7 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
         default = None if field.is_required() else field.get_default(call_default_factory=True)
         if given:
             preset, expected = origins.presets.get(place, ("", None))
-            origin = f"preset {preset}" if preset and _plain(expected) == _plain(value) else "scenario"
+            origin = preset if preset and _plain(expected) == _plain(value) else "scenario"
         else:
             origin = f"default: {source.rstrip('.')}" if source else "default"
         yield MissionParameter(

@@ -24,6 +24,7 @@ from rso_lidar.scenario.preview.returns import cast_attitudes
 from rso_lidar.ties import find_first_least
 
 _LIGHT_TIME_M = 0.01
+_SAME_BENCH = 0.02  # relative difference of pulse and wavelength from those of a calibration
 _MOST_LAG = 0.5  # pointing lag over half the field, from which a target begins to leave the field
 _WHOLLY = 0.75  # fraction of the run: an approach may leave the field at its end without a warning
 _SELDOM = 0.5  # detection probability of the brightest pixel below which a warning is given
@@ -42,6 +43,7 @@ def advise(mission: Mission, preview: Preview | None = None) -> list[str]:
     lines += _advise_on_plans(mission)
     lines += _advise_on_window(mission, preview)
     lines += detector.advise(mission.lidar.detector, mission.instrument.laser.pulse_fwhm_s)
+    lines += _advise_on_calibration(mission)
     lines += advise_on_separations(mission, preview)
     lines += _advise_on_lens(mission)
     lines += _advise_on_sunlight(mission)
@@ -69,6 +71,30 @@ def _advise_on_python_objects(mission: Mission) -> list[str]:
         "scenario again, give the object again with replace(...)"
         for given in python_objects(mission)
     ]
+
+
+def _advise_on_calibration(mission: Mission) -> list[str]:
+    """Warn of constants, a pulse and a wavelength that differ from those of the calibration that the lidar states."""
+    calibration, laser = mission.lidar.calibration, mission.lidar.laser
+    if calibration is None:
+        return []
+    lines = []
+    if changed := calibration.list_overridden(mission.lidar.detector):
+        names = ", ".join(f"lidar.detector.{name}" for name in changed)
+        lines.append(
+            f"{names} {'is' if len(changed) == 1 else 'are'} not as the calibration '{calibration.name}' has it; leave it "
+            "out to use the fitted value"
+        )
+    for what, unit, own, bench in (
+        ("pulse_fwhm_ns", "ns", laser.pulse_fwhm_ns, calibration.pulse_fwhm_ns),
+        ("wavelength_nm", "nm", laser.wavelength_nm, calibration.wavelength_nm),
+    ):
+        if abs(own / bench - 1.0) > _SAME_BENCH:
+            lines.append(
+                f"the calibration '{calibration.name}' was measured at {bench:g} {unit}, and lidar.laser.{what} is {own:g}; "
+                "fitted constants may differ there"
+            )
+    return lines
 
 
 def _advise_on_drive(mission: Mission, preview: Preview) -> list[str]:

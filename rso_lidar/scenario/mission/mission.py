@@ -127,7 +127,7 @@ class Mission(Part):
         ScenarioError
             For a text that is not a valid scenario.
         """
-        scenario = validate_toml(cls, text, where, settings)
+        scenario = validate_toml(cls, text, where, settings, folder=folder)
         scenario._folder, scenario._where, scenario._trust_code = folder, where, trust_code
         return scenario
 
@@ -149,7 +149,7 @@ class Mission(Part):
         ScenarioError
             For tables that are not a valid scenario.
         """
-        scenario = validate_tables(cls, tables, where)
+        scenario = validate_tables(cls, tables, where, folder)
         scenario._folder, scenario._where, scenario._trust_code = folder, where, trust_code
         return scenario
 

@@ -94,7 +94,13 @@ def read_toml(path: Path) -> str:
 
 
 def validate_toml(
-    part: type[AnyPart], text: str, where: str, settings: tuple[str, ...] = (), *, table: str = ""
+    part: type[AnyPart],
+    text: str,
+    where: str,
+    settings: tuple[str, ...] = (),
+    *,
+    table: str = "",
+    folder: Path | None = None,
 ) -> AnyPart:
     """Build a part from a TOML text, with some fields changed.
 
@@ -105,6 +111,7 @@ def validate_toml(
     where : start of error messages, such as the file's name
     settings : changes as ``place=value``
     table : name of the table that fills the part, where it is the only one of the text; empty for the whole text
+    folder : start of the path of a preset file (None: the working folder)
 
     Returns
     -------
@@ -123,10 +130,10 @@ def validate_toml(
             raise SettingError(f"--set {setting}: {where} has only the table {table}; set a field of that")
     if table:
         tree, where = tree[table], f"{where}: {table}"
-    return validate_tables(part, tree, where)
+    return validate_tables(part, tree, where, folder)
 
 
-def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str) -> AnyPart:
+def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str, folder: Path | None = None) -> AnyPart:
     """Build a part from the tables of a TOML text.
 
     Parameters
@@ -134,6 +141,7 @@ def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str) -> An
     part : class of the part
     tree : tables by key, as TOML gives them
     where : start of error messages
+    folder : start of the path of a preset file (None: the working folder)
 
     Returns
     -------
@@ -146,7 +154,7 @@ def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str) -> An
         For values that the part refuses; a `FieldError` with their places.
     """
     try:
-        return part.model_validate(tree)
+        return part.model_validate(tree, context={"folder": folder})
     except ValidationError as error:
         problems = [(detail["loc"], detail["type"]) for detail in error.errors(include_url=False)]
         raise FieldError(f"{where}: {explain(error, part, tree)}", problems) from None

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from rso_lidar import units
 from rso_lidar.detector import (
@@ -24,7 +24,8 @@ from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver, read_files
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.records import Command
-from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.scenario.tables.calibration import Calibration
+from rso_lidar.scenario.tables.presets import PRESET_SUFFIX, load_preset_file, load_presets
 from rso_lidar.scenario.tables.schedule import Schedule, read_command
 
 # Settings that every frame records.
@@ -44,14 +45,18 @@ _ALTERNATIVES = ({"fov_deg", "focal_length_mm"}, {"f_number", "aperture_mm"})
 class Lidar(Part):
     """The instrument: laser, receiver, detector, and how it is mounted.
 
-    `preset` names a shipped camera that gives the defaults. `mount` is the pose of the lidar in the axes of the PTU, or of
+    `preset` names a shipped camera that gives the defaults, or the preset file of a camera of your own, whose values are
+    then written out in its place. `mount` is the pose of the lidar in the axes of the PTU, or of
     the follower where there is no PTU. At the identity its boresight is their +x and its rows run along −z. A `schedule`
     plans zoom, diffuser, energy and gate; a controller's commands take precedence over it.
     """
 
     preset: Text | None = Field(
         default=None,
-        description="Name of a shipped camera, whose values apply where none are given here (docs/instrument.md).",
+        description=(
+            "Name of a shipped camera, or path of a preset file (.toml), whose values apply where none are given here "
+            "(docs/instrument.md, docs/camera_fit.md)."
+        ),
     )
     mount: Mount = Field(
         default=Mount(),
@@ -63,6 +68,9 @@ class Lidar(Part):
     laser: Laser = Field(default=Laser(), description="Laser.")
     receiver: Receiver = Field(description="Lens and focal plane.")
     detector: AnyDetector = Field(default_factory=Gsfl, description="Detector: photons to range and intensity.")
+    calibration: Calibration | None = Field(
+        default=None, description="Origin of the constants of a detector that was fitted to measurements."
+    )
     bounces: Annotated[Whole, Field(ge=1, le=16)] = Field(
         default=1,
         description=(
@@ -77,7 +85,7 @@ class Lidar(Part):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_preset(cls, given: Any) -> Any:
+    def _from_preset(cls, given: Any, info: ValidationInfo) -> Any:
         if not isinstance(given, dict):
             return given
         detector = given.get("detector")
@@ -86,6 +94,12 @@ class Lidar(Part):
         name = given.get("preset")
         if not isinstance(name, str):
             return given
+        if name.lower().endswith(PRESET_SUFFIX):  # a recording must not need the file, so its values replace the name
+            try:
+                own = load_preset_file(name, (info.context or {}).get("folder"))
+            except ScenarioError as error:
+                raise ValueError(f"preset: {error}") from None
+            return _merge_tables(own, {key: value for key, value in given.items() if key != "preset"})
         if name not in load_presets():
             raise ValueError(
                 f"preset: no camera '{name}'{did_you_mean(name, load_presets())} (known: {', '.join(load_presets())})"

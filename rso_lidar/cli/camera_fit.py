@@ -1,0 +1,49 @@
+"""`rso-lidar camera fit`: constants of a detector fitted to measured curves, and a preset file with their origin."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme, load_lidar
+from rso_lidar.cli.progress import announce_compiling
+from rso_lidar.cli.terminal import echo
+from rso_lidar.evaluation import FIT_REPORT_SUFFIXES, CurvesFile, fit_camera, save_fit_report
+from rso_lidar.files import check_writable
+
+_PRESET_SUFFIX = ".toml"
+
+
+def fit(
+    camera: Annotated[
+        str, typer.Argument(metavar="FILE|PRESET", help="Scenario file with the camera, or a camera by name.")
+    ],
+    data: Annotated[Path, typer.Option("--data", metavar="CURVES", help="Curves file (TOML): the measured tables.")],
+    output: Annotated[
+        list[Path] | None,
+        typer.Option("-o", "--output", help="Preset (.toml), report (.html), or picture (.png); may be repeated."),
+    ] = None,
+    dark: Dark = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Fit constants of a camera's detector to measured curves.
+
+    A report is written of any fit that converges. Where the detector cannot have given the curves, the fit is rejected, no
+    preset is written, and the exit status is 2.
+    """
+    known = (_PRESET_SUFFIX, *FIT_REPORT_SUFFIXES)
+    places = [check_writable(place, known, overwrite=overwrite) for place in output or ()]
+    scheme = choose_scheme(dark, places)
+    lidar, _ = load_lidar(camera)
+    with announce_compiling():
+        fitted = fit_camera(lidar, CurvesFile.load(data))
+    reports = [place for place in places if place.suffix.lower() != _PRESET_SUFFIX]
+    for place in reports:
+        save_fit_report(fitted, place, overwrite=overwrite, scheme=scheme)
+    echo(fitted.table())
+    for place in reports:
+        echo(place)
+    fitted.check_accepted()
+    for place in places:
+        if place not in reports:
+            echo(fitted.save_preset(place, overwrite=overwrite))

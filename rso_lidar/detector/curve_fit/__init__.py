@@ -1,0 +1,1 @@
+"""Constants of a detector fitted to curves that a laboratory measured."""

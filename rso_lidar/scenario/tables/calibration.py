@@ -1,0 +1,66 @@
+"""Origin of the constants of a detector that were fitted to measurements of a real camera."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from rso_lidar.detector import AnyDetector, get_constant
+from rso_lidar.part import Fraction, Instant, NotNegative, Number, Part, Positive, Text
+
+
+class CalibratedConstant(Part):
+    """A constant of the detector that was fitted, with its confidence interval."""
+
+    name: Text = Field(description="Dotted name in `[lidar.detector]`, such as `amplifier.noise_electrons`.")
+    value: Number = Field(description="Value of greatest likelihood, in the unit of the name.")
+    low: Number = Field(description="Lower end of the confidence interval, in the unit of the name.")
+    high: Number = Field(description="Upper end of the confidence interval, in the unit of the name.")
+
+
+class CalibrationData(Part):
+    """A measured curve that constants were fitted to."""
+
+    table: Text = Field(description="Name of the table that was read.")
+    sha256: Annotated[Text, Field(pattern="^[0-9a-f]{64}$")] = Field(description="SHA-256 of that table.")
+    quantity: Text = Field(description="What was measured, such as `detection_rate`.")
+    points: Annotated[int, Field(ge=1)] = Field(description="Number of points of the curve.")
+    p_value: Fraction = Field(description="Probability of a worse fit of this curve, were the model true.")
+
+
+class Calibration(Part):
+    """Origin of the fitted constants of a detector, as `rso-lidar camera fit` writes it. It changes no result.
+
+    A scenario that names the preset file takes this table with the detector, and recordings carry both.
+    """
+
+    name: Text = Field(description="Name of the camera.")
+    what: Text | None = Field(default=None, description="Description of the camera and its measurements.")
+    date_utc: Instant = Field(description="Time of the fit, with its offset.")
+    versions: Text = Field(description="Versions of the package and of the libraries that made the fit.")
+    wavelength_nm: Positive = Field(description="Wavelength of the laser on the bench [nm].")
+    pulse_fwhm_ns: Positive = Field(description="Full width at half maximum of its pulse [ns].")
+    confidence: Fraction = Field(description="Probability of the confidence intervals.")
+    chi2: NotNegative = Field(description="Sum of the squared residuals of all points.")
+    freedom: Positive = Field(description="Degrees of freedom of that sum.")
+    p_value: Fraction = Field(description="Probability of a worse fit, were the model true.")
+    constants: tuple[CalibratedConstant, ...] = Field(description="The fitted constants.")
+    data: tuple[CalibrationData, ...] = Field(description="The measured curves.")
+
+    def list_overridden(self, detector: AnyDetector) -> list[str]:
+        """Return the names of the fitted constants that a detector does not have, or has with another value.
+
+        Parameters
+        ----------
+        detector : of the scenario that takes the calibration
+        """
+        changed = []
+        for constant in self.constants:
+            try:
+                value = get_constant(detector, constant.name)
+            except (AttributeError, TypeError):  # a detector of another type, or without the part
+                value = None
+            if value != constant.value:
+                changed.append(constant.name)
+        return changed
