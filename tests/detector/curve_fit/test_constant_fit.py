@@ -55,7 +55,7 @@ def test_intervals_cover_as_often_as_they_say():
     # 40 fits of three constants: at 95 % each, 105 or fewer of 120 have a probability of 0.1 %.
     covered = 0
     for seed in range(40):
-        for constant in fit(FAST, measure(FAST, 400 + seed)).constants:
+        for constant in fit(FAST, measure(FAST, 400 + seed), trials=16_384).constants:
             covered += constant.low <= FAST.hidden[constant.name] <= constant.high
     assert covered >= 106
 
