@@ -20,8 +20,8 @@ ACROSS = {
 
 # Tests of several modules of a room, or of all that a user brings or reads.
 SPANNING = {
-    "cli/test_engines.py",  # run, trade, requirements, budget and timeline
     "cli/test_cli.py",
+    "cli/test_engines.py",
     "cli/test_help.py",
     "cli/test_outputs.py",
     "cli/test_trust_code.py",
