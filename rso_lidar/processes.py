@@ -118,7 +118,7 @@ class SentFunction:
         content: Any = sent
         if isinstance(executor, Processes):
             # Sent by a file: a worker that dies early would leave its parent waiting at a full pipe.
-            self.slots, self._file = executor.count, executor.folder / name
+            self.slots, self._file = executor.count, executor.folder / f"{name}-{id(self)}"
             self._file.write_bytes(sent)
             content = self._file
         elif client is not None:

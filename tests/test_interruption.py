@@ -1,6 +1,7 @@
 """A signal ends a command at any instant: status, one line, no process left, and frames that go on."""
 
 import contextlib
+import importlib.util
 import os
 import signal
 import subprocess
@@ -92,10 +93,17 @@ def ended(process, number=signal.SIGINT):
     return ours[0]
 
 
-WAYS = [(), pytest.param(("--workers", "2"), marks=pytest.mark.slow)]
+NEEDS_DASK = pytest.mark.skipif(
+    importlib.util.find_spec("distributed") is None, reason="needs the extra dask: pip install 'rso-lidar[dask]'"
+)
+WAYS = [
+    (),
+    pytest.param(("--workers", "2"), marks=pytest.mark.slow),
+    pytest.param(("--engine", "dask", "--workers", "2"), marks=(pytest.mark.slow, NEEDS_DASK)),
+]
 
 
-@pytest.mark.parametrize("options", WAYS, ids=["threads", "workers"])
+@pytest.mark.parametrize("options", WAYS, ids=["threads", "workers", "dask"])
 def test_ctrl_c_at_any_instant_of_a_run(bench, options):
     rng = np.random.default_rng(1420)
     for number in range(5):
@@ -120,7 +128,7 @@ def frames_in(temporary):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", WAYS, ids=["threads", "workers"])
+@pytest.mark.parametrize("options", WAYS, ids=["threads", "workers", "dask"])
 def test_sigterm_keeps_the_frames_as_ctrl_c_does_and_the_run_goes_on(bench, options):
     output = bench.with_name("out.h5")
     process = started(bench, *options)

@@ -56,12 +56,14 @@ Workers = Annotated[
         "--workers",
         min=1,
         max=256,
-        help="Processes in place of threads; changes no result. They start in some seconds, and pay from a minute on.",
+        help="Processes that share the work instead of threads; changes no result. Pays in minutes of work on many cores.",
     ),
 ]
 Engine = Annotated[
     str,
-    typer.Option("--engine", metavar="pool|dask", help="What does the work: --workers on this machine, or dask."),
+    typer.Option(
+        "--engine", metavar="pool|dask", help="Who does the work: processes of this machine, or a cluster of dask."
+    ),
 ]
 Scheduler = Annotated[
     str | None,

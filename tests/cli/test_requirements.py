@@ -48,7 +48,6 @@ def test_a_study_is_known_by_its_axes(call, bench, tmp_path):
         (("bench.toml", "reqs.toml"), "bench.toml: "),
         (("reqs.toml", "reqs.toml"), "reqs.toml: "),
         (("reqs.toml", "bench.toml", "-o", "m.xlsx"), "unknown suffix '.xlsx'"),
-        (("reqs.toml", "bench.toml", "--workers", 2), "--workers: is for a study"),
         (("reqs.toml", "bench.toml", "--set", "lidar.lase.x=1"), "laser"),
         (
             ("wrong.toml", "bench.toml"),

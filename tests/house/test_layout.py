@@ -21,6 +21,7 @@ ACROSS = {
 # Tests of several modules of a room, or of all that a user brings or reads.
 SPANNING = {
     "cli/test_cli.py",
+    "cli/test_engines.py",
     "cli/test_help.py",
     "cli/test_outputs.py",
     "cli/test_trust_code.py",

@@ -151,6 +151,11 @@ def open_aspects(
     ----------
     surfaces, number, finding : as for `find_aspects`
     executor : whose workers cast the flashes (None: threads of this process)
+
+    Yields
+    ------
+    callable
+        Called with the instrument, the truths and the greatest number of rays; returns probabilities and photons.
     """
     with ExitStack() as stack:
         workers = executor or stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
