@@ -19,7 +19,7 @@ COMMANDS = {
     "new": "Write a scenario file to start from.",
     "check": "Check a scenario and print a summary.",
     "budget": "Compute photons, detection and precision against range.",
-    "camera": "Print the data sheet of a camera, or fit a camera of your own to measurements.",
+    "camera": "Simulate a camera's data sheet, or fit a camera to measurements.",
     "truth": "Write or draw the true motion without rendering frames.",
     "timeline": "Draw or tabulate one encounter, frame by frame.",
     "disperse": "Fly a mission many times with errors.",

@@ -30,7 +30,7 @@ app = typer.Typer(
 
 @app.callback()
 def camera() -> None:
-    """Simulate the data sheet of a camera, or fit a camera of your own to measurements.
+    """Simulate a camera's data sheet, or fit a camera to measurements.
 
     `camera FILE` is `camera datasheet FILE`.
     """
