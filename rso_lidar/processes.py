@@ -1,7 +1,8 @@
 """Workers: pools of processes, clients of dask, and functions that are sent once to the workers of an executor.
 
 An executor is one in the manner of `concurrent.futures`: a pool of threads or processes, or ``client.get_executor()`` of
-dask, whose cluster may be of other machines. What all calls share is sent to each worker once.
+dask, whose cluster may be of other machines. What all calls share is sent to each worker once, or with each
+call of an executor of another kind.
 """
 
 from __future__ import annotations
@@ -300,7 +301,7 @@ def _start_quiet_tracker() -> None:
 
 def _lost() -> RunError:
     return RunError(
-        "workers: a process ended before its frame was made, perhaps for lack of memory; take fewer workers "
+        "workers: a process ended before its call returned, perhaps for lack of memory; take fewer workers "
         '(a script that starts workers needs `if __name__ == "__main__":` around its own code)'
     )
 

@@ -5,24 +5,35 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme, load_lidar
+from rso_lidar.cli.arguments import (
+    CameraName,
+    Dark,
+    Overwrite,
+    Settings,
+    TrustCode,
+    TrustFmu,
+    choose_scheme,
+    load_camera,
+)
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.evaluation import FIT_REPORT_SUFFIXES, CurvesFile, fit_camera, save_fit_report
 from rso_lidar.files import check_writable
+from rso_lidar.scenario import Lidar, Scenario
 
 _PRESET_SUFFIX = ".toml"
 
 
 def fit(
-    camera: Annotated[
-        str, typer.Argument(metavar="FILE|PRESET", help="Scenario file with the camera, or a camera by name.")
-    ],
+    camera: CameraName,
     data: Annotated[Path, typer.Option("--data", metavar="CURVES", help="Curves file (TOML): the measured tables.")],
     output: Annotated[
         list[Path] | None,
         typer.Option("-o", "--output", help="Preset (.toml), report (.html), or picture (.png); may be repeated."),
     ] = None,
+    settings: Settings = None,
+    trust_code: TrustCode = False,
+    trust_fmu: TrustFmu = False,
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -34,7 +45,10 @@ def fit(
     known = (_PRESET_SUFFIX, *FIT_REPORT_SUFFIXES)
     places = [check_writable(place, known, overwrite=overwrite) for place in output or ()]
     scheme = choose_scheme(dark, places)
-    lidar, _ = load_lidar(camera)
+    loaded = load_camera(camera, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
+    if isinstance(loaded, str):
+        loaded = Lidar(preset=loaded)  # type: ignore[call-arg]
+    lidar = loaded.instrument if isinstance(loaded, Scenario) else loaded
     with announce_compiling():
         fitted = fit_camera(lidar, CurvesFile.load(data))
     reports = [place for place in places if place.suffix.lower() != _PRESET_SUFFIX]

@@ -67,7 +67,7 @@ if TYPE_CHECKING:
         Timing,
     )
     from rso_lidar.detector.settings.gate import Gate
-    from rso_lidar.detector.settings.gsfl import Gsfl
+    from rso_lidar.detector.settings.gsfl import Gsfl, list_determined
     from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
     from rso_lidar.detector.settings.readout import LowGain, Readout
     from rso_lidar.detector.settings.threshold_condition import ThresholdCondition
@@ -147,6 +147,7 @@ __all__ = [
     "k_of_n",
     "list_assumed_settings",
     "list_camera_figures",
+    "list_determined",
     "list_neglected_effects",
     "make_plate",
     "make_point_returns",

@@ -18,6 +18,7 @@ FLYBY += ["--start", "2024-09-17T11:00:00Z", "--days", 0.125]
 READS = [
     ("check", "files"),
     ("score", "dataset"),
+    ("fit", "data"),
     ("parameters", "requirements"),
     *(("serve", name) for name in ("token_file", "curve_key", "curve_clients")),
 ]

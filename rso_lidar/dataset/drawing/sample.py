@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -199,7 +200,7 @@ def _place_view(
         raise DatasetError(
             "view: places the target before a lidar that does not turn; remove [ptu] from the scenario, or leave out [view]"
         )
-    seat = _read_lidar(json.dumps(tables["lidar"], default=str))
+    seat = _read_lidar(json.dumps(tables["lidar"], default=str), plan.folder)
     if has_target:
         target = _find_targets(tables, plan)[plan.target_index]
         range_m = draws.draw("view.range_m", view.range_m)
@@ -226,9 +227,9 @@ def _place_view(
 
 
 @lru_cache(maxsize=64)
-def _read_lidar(text: str) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+def _read_lidar(text: str, folder: Path | None) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
     """Return position [m] and rotation matrix of the lidar in follower axes, and the tangents of its half field."""
-    lidar = validate_tables(Lidar, json.loads(text), "lidar")
+    lidar = validate_tables(Lidar, json.loads(text), "lidar", folder)
     receiver = lidar.receiver
     half = 0.5 * receiver.pixel_pitch_m / receiver.focal_length_m
     turn = (lidar.mount.rotation * lidar_from_ptu().inv()).as_matrix()

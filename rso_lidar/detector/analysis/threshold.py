@@ -68,7 +68,9 @@ def _solve(gsfl: Gsfl, condition: ThresholdCondition, pulse: LaserPulse) -> Gsfl
     if not is_rate:
         assert condition.photons is not None
         high = math.log(max(_HIGHEST * scale, 100.0 * condition.photons * gsfl.electrons_per_photon))
-    if miss(low) <= 0.0 or miss(high) >= 0.0:
+    if gsfl.saturation is not None:  # no signal reaches a threshold at the rail
+        high = min(high, math.log(gsfl.saturation.rail_electrons * (1.0 - _TOLERANCE)))
+    if high <= low or miss(low) <= 0.0 or miss(high) >= 0.0:
         wanted = (
             f"false_alarms_per_s = {condition.false_alarms_per_s:g}"
             if is_rate

@@ -20,7 +20,7 @@ CONFIDENCE = 0.95  # of all intervals
 _SEED = 38  # random seed of the trials
 _MOST_SAMPLES = 40_000_000  # that the trials of all levels together may take
 _FEWEST_TRIALS, _FEWEST_REPORTS = 50, 20
-_MARGIN_M = 20.0  # from the begin of the armed window to the plate: few false alarms come before it
+_MARGIN_M = 20.0  # from the start of the armed window to the plate: few false alarms come before it
 _PULSES_BEFORE = 3.0  # of this many pulse lengths, where that is longer
 _QUARTILES = 1.166  # standard error of a scatter by quartiles, times √n over the scatter
 # Levels of a search by trials: first over three decades about the threshold, then where the probability rises.
@@ -90,7 +90,7 @@ def simulate_light_curve(
 ) -> LightCurve:
     """Simulate what a detector reports of returns over their light, the same draws each time.
 
-    Each trial is a pixel of a separate flash that a facing plate fills, near the begin of the armed window or in the middle
+    Each trial is a pixel of a separate flash that a facing plate fills, near the start of the armed window or in the middle
     of a gate. Ranges are spread over a metre. Effects of other pixels are off, the laser's timing jitter is on.
 
     Parameters
@@ -245,7 +245,7 @@ def _cross(photons: np.ndarray, rising: np.ndarray, wanted: np.ndarray) -> np.nd
 
 
 def place_plate_m(traits: DetectorTraits, pulse: LaserPulse) -> float:
-    """Return the least range of a plate of a trial [m]: near the begin of an armed window, in the middle of a gate.
+    """Return the least range of a plate of a trial [m]: near the start of an armed window, in the middle of a gate.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def place_plate_m(traits: DetectorTraits, pulse: LaserPulse) -> float:
 def _limit_trials(traits: DetectorTraits, levels: int, trials: int) -> int:
     """Return how many trials of each level are affordable."""
     if trials < _FEWEST_TRIALS:
-        raise ScenarioError(f"trials: {trials} leave no interval worth a name; give at least {_FEWEST_TRIALS}")
+        raise ScenarioError(f"trials: {trials} leave no interval that means anything; give at least {_FEWEST_TRIALS}")
     return max(min(trials, _MOST_SAMPLES // (traits.samples * traits.pulses * levels)), _FEWEST_TRIALS)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.detector.curve_fit.curve_prediction import CurvePredictor, CurveReference, from_link, to_link
 from rso_lidar.detector.curve_fit.free_constants import FreeConstant, find_constants, get_constant, set_constants
-from rso_lidar.detector.curve_fit.likelihood import count_informative, find_residuals
+from rso_lidar.detector.curve_fit.likelihood import count_informative, find_offset, find_residuals
 from rso_lidar.detector.curve_fit.measured_curve import MeasuredCurve
 from rso_lidar.detector.curve_fit.scale_check import check_scale
 from rso_lidar.detector.detection import AnyDetector
@@ -352,7 +352,7 @@ def _summarise(problem: _Problem, free: np.ndarray, normal: np.ndarray, confiden
         residuals = find_residuals(curve, expected, reference)
         first = problem.predictor.predict(before, curve, None)
         if curve.quantity == "walk":
-            expected, first = (values + _find_offset(curve, values) for values in (expected, first))
+            expected, first = (values + find_offset(curve, values, reference) for values in (expected, first))
         points = count_informative(curve, expected)
         p_value = float(chi2.sf((residuals**2).sum(), points))
         curves.append(FittedCurve(curve, expected, first, residuals, points, p_value))
@@ -375,8 +375,3 @@ def _summarise(problem: _Problem, free: np.ndarray, normal: np.ndarray, confiden
         float(chi2.sf(total, freedom)),
         scale_fit,
     )
-
-
-def _find_offset(curve: MeasuredCurve, expected: np.ndarray) -> float:
-    """Return the constant of a walk: the median difference from the expected values."""
-    return float(np.nanmedian(curve.value - expected))

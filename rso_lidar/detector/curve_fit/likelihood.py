@@ -41,10 +41,26 @@ def find_residuals(curve: MeasuredCurve, expected: np.ndarray, reference: CurveR
             return _bounded(np.log(value / expected) / np.sqrt(variance))
     sigma = np.sqrt(reference.scatter**2 * (1.0 / n + trial_part) + curve.systematic**2)
     difference = value - expected
-    if curve.quantity == "walk":  # its constant is free: the one of greatest likelihood is taken
-        weight = np.where(np.isfinite(difference), 1.0 / sigma**2, 0.0)
-        difference = difference - float((weight * np.nan_to_num(difference)).sum() / max(weight.sum(), 1e-300))
+    if curve.quantity == "walk":
+        difference = difference - _weigh(difference, sigma)
     return _bounded(difference / sigma)
+
+
+def find_offset(curve: MeasuredCurve, expected: np.ndarray, reference: CurveReference) -> float:
+    """Return the constant of a walk, which is free: that of greatest likelihood.
+
+    Parameters
+    ----------
+    expected, reference : as for `find_residuals`
+    """
+    variance = reference.scatter**2 * (1.0 / curve.trials + 1.0 / reference.trials) + curve.systematic**2
+    return _weigh(curve.value - expected, np.sqrt(variance))
+
+
+def _weigh(difference: np.ndarray, sigma: np.ndarray) -> float:
+    """Return the mean of differences by their standard deviations, of those that are known."""
+    weight = np.where(np.isfinite(difference), 1.0 / sigma**2, 0.0)
+    return float((weight * np.nan_to_num(difference)).sum() / max(weight.sum(), 1e-300))
 
 
 def count_informative(curve: MeasuredCurve, expected: np.ndarray) -> float:

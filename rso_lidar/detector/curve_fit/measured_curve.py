@@ -7,7 +7,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from rso_lidar.detector.bench.trial import make_plate, run_trial
+from rso_lidar import units
+from rso_lidar.detector.bench.trial import Surroundings, make_plate, run_trial
 from rso_lidar.detector.detection import AnyDetector
 from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.errors import ScenarioError
@@ -81,7 +82,7 @@ class LevelStatistics:
 
 _OUTLIER = 5.0  # standard deviations from the median, estimated by quartiles, beyond which a report is a false trigger
 _QUARTILES = 1.348_979_500_392_163_6  # distance of the quartiles of a normal law, in standard deviations
-_FEWEST_REPORTS = 20  # of a level: fewer have no scatter worth the name
+_FEWEST_REPORTS = 20  # of a level: fewer have no scatter that means anything
 
 
 def simulate_levels(
@@ -109,7 +110,8 @@ def simulate_levels(
             pulse.fwhm_s,
             np.repeat(range_m[some], trials),
         )
-        trial = run_trial(detector, light, np.random.Generator(np.random.Philox([seed, first])))
+        around = Surroundings(timing_jitter_s=pulse.timing_jitter_ns * units.NS)
+        trial = run_trial(detector, light, np.random.Generator(np.random.Philox([seed, first])), around=around)
         level = np.flatnonzero(trial.detected) // trials
         share = trial.detected.reshape(n, trials).mean(axis=1)
         range_rows = _summarise(level, trial.range_error_m, n)

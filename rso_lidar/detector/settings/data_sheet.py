@@ -99,7 +99,7 @@ def fill_apd(sheet: DataSheet, apd: Apd) -> Apd:
         If no ionisation ratio from 0 to below 1 gives the factor at this gain.
     """
     excess, gain = sheet.excess_noise_factor, apd.gain
-    if excess is None:
+    if excess is None or excess == gain == 1.0:  # a photodiode without gain has no excess noise
         return apd
     least = 2.0 - 1.0 / gain
     if not least * (1.0 - 1e-9) <= excess < gain:

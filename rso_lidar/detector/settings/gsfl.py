@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
@@ -41,11 +42,24 @@ _DETERMINED: tuple[tuple[str, str | None, str], ...] = (
 
 def _is_stated(given: dict[str, Any], key: str) -> bool:
     """Return whether a data sheet or a condition in a table of the detector states a constant of the preset."""
-    if key == "threshold_electrons":
-        return given.get("solve") is not None
+    return any(key == filled for _, filled in list_determined(given))
+
+
+def list_determined(given: Mapping[str, Any]) -> list[tuple[str | None, str]]:
+    """List the keys that a data sheet or a condition in a table of the detector determines.
+
+    Parameters
+    ----------
+    given : table of the detector
+
+    Returns
+    -------
+    Part and key of each; the part is None for keys of the detector itself.
+    """
     sheet = given.get("data_sheet")
     words = sheet.model_dump(exclude_none=True) if isinstance(sheet, Part) else sheet
-    return isinstance(words, dict) and any(word in words for word, _, filled in _DETERMINED if filled == key)
+    keys = [(part, key) for word, part, key in _DETERMINED if isinstance(words, Mapping) and word in words]
+    return keys + ([("trigger", "threshold_electrons")] if given.get("solve") is not None else [])
 
 
 class Gsfl(Part):

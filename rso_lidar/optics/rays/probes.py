@@ -15,6 +15,7 @@ from rso_lidar.kernels import kernel
 # neighbouring probes. All hold for this error and grow with the accuracy that is asked for.
 _ERROR = 0.02
 _PROBES, _MOST_PER_SIDE, _LEAST_PER_SIDE = 4000.0, 4.0, 2
+_FINEST_PER_SIDE = 16  # for whatever error
 _LEAST_BEHIND, _MOST_BEHIND = 0.02, 0.15
 _PART = 0.25  # of the difference between neighbouring fronts, which is added to the least distance
 _STEEPEST = 20.0  # slope of a facet, over which it hides nothing
@@ -29,7 +30,7 @@ def count_probes(sides: np.ndarray, error: float) -> int:
     error : `Receiver.sampling_error`
     """
     wanted = min(math.sqrt(_PROBES / max(int(np.count_nonzero(sides)), 1)), _MOST_PER_SIDE)
-    return max(round(wanted * _ERROR / error), _LEAST_PER_SIDE)
+    return min(max(round(wanted * _ERROR / error), _LEAST_PER_SIDE), _FINEST_PER_SIDE)
 
 
 @kernel
@@ -115,7 +116,7 @@ def image_fronts(
 
 @kernel
 def is_hidden(x: float, y: float, dx: float, dy: float, w: float, dw: float, fronts: np.ndarray, per_side: int) -> bool:
-    """Return whether what probes met hides a piece of a contour: up to three of its points.
+    """Return whether what probes met hides a piece of a contour: three of its points, or one for each probe along it.
 
     Parameters
     ----------
@@ -124,7 +125,7 @@ def is_hidden(x: float, y: float, dx: float, dy: float, w: float, dw: float, fro
     fronts, per_side : what `image_fronts` returned, and its `per_side`
     """
     length = max(abs(dx), abs(dy)) * per_side
-    points = 1 if length < 0.5 else (2 if length < 1.5 else 3)
+    points = min(int(length + 0.5) + 1, max(3, math.ceil(length - 1.0)))
     for point in range(points):
         share = (point + 0.5) / points
         right, down = (x + share * dx) * per_side - 0.5, (y + share * dy) * per_side - 0.5

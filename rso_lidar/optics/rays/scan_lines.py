@@ -40,9 +40,10 @@ class ScanLines:
     one line or more. Each interval between two contours gets one ray or more, whose weights sum to the interval's length
     times the height that the line stands for. Very narrow neighbours share a ray. Nothing is drawn at random.
 
-    The number of slabs follows from the contours, in a first round from all of them. The light that its rays meet tells
-    which contours are visible, and how bright a pixel is. If the error of the frame may then be more than
-    `Receiver.sampling_error`, the pixels that contribute most to it are sampled anew with more slabs.
+    Cast `probes` first, if there are any, and give what they meet to `lay`, so that hidden contours are left out. Then `rays`
+    are those of the first round, to be cast and given to `take`. The number of slabs follows from the remaining contours.
+    The light that the rays meet tells which of these are visible, and how bright a pixel is. If the error of the frame may
+    then be more than `Receiver.sampling_error`, the pixels that contribute most to it are sampled anew with more slabs.
 
     With `Receiver.rays_per_pixel` = k², each pixel has k lines with k rays each where no contours are given, and there is
     one round.
@@ -52,6 +53,11 @@ class ScanLines:
     receiver, laser : the instrument
     extent, contours : where targets and their contours are in the tangent plane
     textures : (target) size of the cells of crinkled foil in the tangent plane; infinite for facets without a texture
+
+    Attributes
+    ----------
+    probes : rays that find what is hidden; None where there are no contours, and the lines are laid
+    rays : those of the round that is to be cast; from `lay` on
     """
 
     def __init__(

@@ -17,6 +17,7 @@ from rso_lidar.detector import (
     check_noise,
     check_size,
     check_traits,
+    list_determined,
     solve_threshold,
 )
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
@@ -230,9 +231,11 @@ class Lidar(Part):
 def _merge_tables(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Merge the user's table into that of a preset, key by key; a part of another type replaces the preset's whole."""
     result = dict(preset)
-    sheet = given.get("data_sheet")
-    if isinstance(sheet, Mapping) and "responsivity_a_per_w" in sheet:
-        result.pop("quantum_efficiency", None)
+    for part, name in list_determined(given):  # by the words of a data sheet, or by a condition
+        if part is None:
+            result.pop(name, None)
+        elif isinstance(result.get(part), Mapping):
+            result[part] = {key: value for key, value in result[part].items() if key != name}
     for pair in _ALTERNATIVES:
         if pair & set(given):
             result = {key: value for key, value in result.items() if key not in pair}

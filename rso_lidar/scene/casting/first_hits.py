@@ -142,7 +142,7 @@ class Targets(NamedTuple):
 
 
 @kernel
-def placegather_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarray:
+def place_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarray:
     """Return how targets are placed before the lidar (target, word).
 
     Parameters
@@ -269,7 +269,7 @@ def cast_rays(
     chosen = np.empty(BLOCK_RAYS, np.int64)
     near, cosine = np.empty(BLOCK_RAYS), np.empty(BLOCK_RAYS)
     facet, number = np.empty(BLOCK_RAYS, np.int64), np.empty(BLOCK_RAYS, np.int64)
-    places = placegather_targets(origin, turn, sphere)
+    places = place_targets(origin, turn, sphere)
     order = order_by_distance(places)
     alone = len(places) == 1
     hits = 0

@@ -98,7 +98,13 @@ def test_a_piece_is_hidden_as_a_whole_or_not():
 def test_more_probes_for_less_error_and_fewer_for_many_pixels():
     counts = [count_probes(np.ones((n, n), np.int64), 0.02) for n in (1, 12, 20, 100)]
     assert counts == [4, 4, 3, 2]
-    assert [count_probes(np.ones((4, 4), np.int64), error) for error in (0.1, 0.05, 0.01, 0.005)] == [2, 2, 8, 16]
+    assert [count_probes(np.ones((4, 4), np.int64), error) for error in (0.1, 0.05, 0.01, 0.005, 1e-4)] == [
+        2,
+        2,
+        8,
+        16,
+        16,
+    ]
 
 
 @pytest.mark.parametrize("wide", [0.8, 3.0])

@@ -48,9 +48,9 @@ def image_fronts(sides, per_side, direction, fronts, apart, error):
 
 
 def is_hidden(x, y, dx, dy, w, dw, fronts, per_side):
-    """Return whether one, two or three points of a piece are each behind the planes of the four probes around."""
+    """Return whether one, two, three or more points of a piece are each behind the planes of the four probes around."""
     length = max(abs(dx), abs(dy)) * per_side
-    points = 1 if length < 0.5 else 2 if length < 1.5 else 3
+    points = 1 if length < 0.5 else 2 if length < 1.5 else max(3, math.ceil(length - 1.0))
     for share in (np.arange(points) + 0.5) / points:
         right, down = (x + share * dx) * per_side - 0.5, (y + share * dy) * per_side - 0.5
         i, j = math.floor(down), math.floor(right)
