@@ -264,7 +264,7 @@ def test_an_error_in_a_worker_comes_back_as_it_is():
 
 def test_a_worker_that_dies_is_told_in_one_line():
     with sent_to_processes(1, fails) as sent:
-        with pytest.raises(RunError, match="workers: a process ended before its frame was made"):
+        with pytest.raises(RunError, match="workers: a process ended before its call returned"):
             sent.result(sent.submit(False))
         with pytest.raises(RunError, match="workers: a process ended"):
             sent.submit(True)

@@ -40,7 +40,7 @@ class ScanLines:
     one line or more. Each interval between two contours gets one ray or more, whose weights sum to the interval's length
     times the height that the line stands for. Very narrow neighbours share a ray. Nothing is drawn at random.
 
-    Cast `probes` first, if there are any, and give what they meet to `lay`, so that hidden contours are left out. Then `rays`
+    Cast `probes` first, if there are any, and give what they meet to `lay`: it leaves out hidden contours. Then `rays`
     are those of the first round, to be cast and given to `take`. The number of slabs follows from the remaining contours.
     The light that the rays meet tells which of these are visible, and how bright a pixel is. If the error of the frame may
     then be more than `Receiver.sampling_error`, the pixels that contribute most to it are sampled anew with more slabs.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.detector import Apd, Gsfl, LaserPulse, ThresholdCondition, detect, solve_threshold
+from rso_lidar.detector import Apd, Gsfl, LaserPulse, Saturation, ThresholdCondition, detect, solve_threshold
 from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.errors import ScenarioError
 from tests.detector.returns_for_tests import nothing
@@ -26,6 +26,17 @@ def test_trials_detect_as_often_as_was_wanted(pd, photons, fwhm_ns):
     share = run_trial(solved, light, np.random.default_rng(5)).probability
     assert abs(share - pd) < 0.01 + 4.0 * math.sqrt(pd * (1.0 - pd) / n)
     assert solved.solve is None
+
+
+def test_a_threshold_is_solved_below_the_rail():
+    """The search does not try thresholds that no signal reaches; where only such a one would do, that is said."""
+    condition = ThresholdCondition(pd=0.95, photons=1000.0)
+    clipped = solve_threshold(Gsfl(solve=condition, saturation=Saturation()), pulse_of(8.0))
+    free = solve_threshold(Gsfl(solve=condition), pulse_of(8.0))
+    assert clipped.trigger.threshold_electrons == pytest.approx(free.trigger.threshold_electrons, rel=0.01)
+    beyond = ThresholdCondition(pd=0.95, photons=1e6)
+    with pytest.raises(ScenarioError, match=r"detector\.solve: no threshold"):
+        solve_threshold(Gsfl(solve=beyond, saturation=Saturation(rail_electrons=8000.0)), pulse_of(8.0))
 
 
 def test_the_condition_of_the_presets_gives_their_threshold():

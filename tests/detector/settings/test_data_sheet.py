@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import tomli_w
 
 import rso_lidar as rl
 from rso_lidar.detector import Amplifier, Apd, DataSheet, Gsfl, LaserPulse, ThresholdCondition, list_camera_figures
@@ -88,6 +89,24 @@ def test_the_constant_of_a_preset_gives_way_to_a_data_sheet():
         detector={"type": "gsfl", "data_sheet": {"wavelength_nm": 1570, "responsivity_a_per_w": 1.0}},
     )
     assert lidar.detector.quantum_efficiency == pytest.approx(H * C / 1570e-9 / Q)
+
+
+def test_words_of_a_data_sheet_replace_what_a_preset_file_states(tmp_path):
+    """A file that `camera fit` writes states every key; a data sheet or a condition beside it is the later word."""
+    stated = rl.Lidar(preset="gsfl_1064").detector.model_dump(exclude_none=True)
+    (tmp_path / "own.toml").write_text(tomli_w.dumps({"detector": stated}))
+    told = {"data_sheet": {"noise_pa_per_sqrt_hz": 1.0, "rise_time_ns": 4.0}, "solve": {"pd": 0.9, "photons": 500.0}}
+    lens = {"fov_deg": 2.5, "f_number": 2.8}
+    lidar = rl.Lidar(preset=str(tmp_path / "own.toml"), receiver=lens, detector=told)
+    plain = rl.Lidar(preset="gsfl_1064", receiver=lens, detector=told)
+    assert lidar.detector.amplifier == plain.detector.amplifier
+    assert lidar.detector.trigger.threshold_electrons == plain.detector.trigger.threshold_electrons
+    assert lidar.detector.amplifier.noise_electrons != stated["amplifier"]["noise_electrons"]
+
+
+def test_a_photodiode_without_gain_has_no_excess_noise():
+    detector = Gsfl(apd=Apd(gain=1.0), data_sheet=DataSheet(excess_noise_factor=1.0))
+    assert detector.apd.gain == 1.0
 
 
 def test_nothing_stated_changes_nothing():
