@@ -60,6 +60,7 @@ UNITS = {
     "nF": UnitNotation("CapacitanceValue", "nF"),
     "A/W": UnitNotation("ScalarQuantityValue", "A/W"),
     "A/√Hz": UnitNotation("ScalarQuantityValue", "A/Hz^0.5"),
+    "pA/√Hz": UnitNotation("ScalarQuantityValue", "pA/Hz^0.5"),
     "W/√Hz": UnitNotation("ScalarQuantityValue", "W/Hz^0.5"),
     "Ω": UnitNotation("ResistanceValue", "'Ω'"),
     "1/V": UnitNotation("ScalarQuantityValue", "V^-1"),
@@ -78,6 +79,7 @@ _PREFIXED = {
     "mrad": ("milliradian", "AngularMeasureUnit", "milli", "rad"),
     "MHz": ("megahertz", "FrequencyUnit", "mega", "Hz"),
     "nA": ("nanoampere", "ElectricCurrentUnit", "nano", "A"),
+    "pA": ("picoampere", "ElectricCurrentUnit", "pico", "A"),
     "nF": ("nanofarad", "CapacitanceUnit", "nano", "F"),
     "'µgn'": ("'micro standard acceleration of free fall'", "AccelerationUnit", "micro", "gn"),
 }
