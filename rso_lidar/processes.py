@@ -390,7 +390,11 @@ def open_dask_client(scheduler: str, workers: int, error: type[RsoLidarError] = 
         try:
             if scheduler == LOCAL:
                 _start_quiet_tracker()
-                options: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
+                options: dict[str, Any] = {
+                    "threads_per_worker": 1,
+                    "processes": True,
+                    "dashboard_address": "127.0.0.1:0",
+                }
                 cluster = stack.enter_context(distributed.LocalCluster(n_workers=workers, **options))
                 client = stack.enter_context(distributed.Client(cluster))
             else:

@@ -17,7 +17,7 @@ def test_killed_workers_lose_nothing(made, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
     dataset, spec = made
     killed = []
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
 
         def kill(done: int, _count: int) -> None:
             if done in (0, 2):  # while the others are at work
