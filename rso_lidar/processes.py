@@ -196,6 +196,16 @@ def send_function(function: Callable[..., Any], executor: Executor) -> Iterator[
     ----------
     function : called with the arguments of `SentFunction.submit`
     executor : a pool of threads shares the function itself
+
+    Yields
+    ------
+    SentFunction
+        To submit calls.
+
+    Raises
+    ------
+    ScenarioError
+        If the function cannot be pickled, and has to be.
     """
     sent = SentFunction(executor, function)
     try:
@@ -215,6 +225,15 @@ def open_executor(
     workers : number of processes (None: none; for a local cluster of dask, one per core)
     executor : is yielded as it is, and stays open
     scheduler : of dask, as for `open_dask_client`
+
+    Yields
+    ------
+    Executor or None
+
+    Raises
+    ------
+    ScenarioError
+        If no scheduler answers, or processes cannot be started here.
     """
     if executor is not None or (workers is None and scheduler is None):
         yield executor

@@ -156,31 +156,33 @@ def select_frames(read: export.Recording, frames: str | None) -> list[int]:
 
 def load_lidar(text: str) -> tuple[Lidar, Constraints | None]:
     """Load the camera of that name, or the camera and the constraints of a scenario file."""
-    if text in load_presets():
-        return Lidar(preset=text), None  # type: ignore[call-arg]
-    if Path(text).suffix.lower() == ".toml" or Path(text).exists():
-        scenario = Scenario.load(text)
-        return scenario.instrument, scenario.constraints
-    raise ScenarioError(
-        f"--lidar {text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
-        "or a scenario file)"
-    )
+    loaded = load_camera(text, option="--lidar ")
+    if isinstance(loaded, Scenario):
+        return loaded.instrument, loaded.constraints
+    return Lidar(preset=text), None  # type: ignore[call-arg]
 
 
-def load_camera(text: str, settings: tuple[str, ...], *, trust_code: bool, trust_fmu: bool) -> Lidar | Scenario | str:
+def load_camera(
+    text: str, settings: tuple[str, ...] = (), *, trust_code: bool = False, trust_fmu: bool = False, option: str = ""
+) -> Lidar | Scenario | str:
     """Load a camera by name, or a scenario.
 
     Parameters
     ----------
     text, settings : name of a camera or path of a scenario, and `key=value` of fields
     trust_code, trust_fmu : as for `Scenario.load`
+    option : before the text in an error
+
+    Returns
+    -------
+    The name of a camera without settings, else a lidar or a scenario.
     """
     if text in load_presets():
         return validate_toml(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text
     if Path(text).suffix.lower() == ".toml" or Path(text).exists():
         return Scenario.load(text, settings, trust_code=trust_code, trust_fmu=trust_fmu)
     raise ScenarioError(
-        f"{text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
+        f"{option}{text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
         "or a scenario file)"
     )
 

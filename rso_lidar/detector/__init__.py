@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     )
     from rso_lidar.detector.settings.gate import Gate
     from rso_lidar.detector.settings.gsfl import Gsfl, list_determined
-    from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
+    from rso_lidar.detector.settings.presets import DETECTOR_PRESETS, SOLVED_CONSTANTS
     from rso_lidar.detector.settings.readout import LowGain, Readout
     from rso_lidar.detector.settings.threshold_condition import ThresholdCondition
     from rso_lidar.detector.settings.traits import DetectorTraits
@@ -82,6 +82,7 @@ __all__ = [
     "CURVE_QUANTITIES",
     "DETECTOR_PRESETS",
     "SIGNAL_OVER_THRESHOLD",
+    "SOLVED_CONSTANTS",
     "Amplifier",
     "AnyDetector",
     "Apd",

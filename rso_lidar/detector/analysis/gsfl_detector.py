@@ -12,12 +12,13 @@ from rso_lidar.detector.analysis.built_detector import BuiltDetector, describe_g
 from rso_lidar.detector.analysis.closed_form import Prediction, predict_gsfl
 from rso_lidar.detector.analysis.false_alarms import false_trigger_fraction, nominal_false_alarms_per_s
 from rso_lidar.detector.analysis.pixel_reports import report_probability_gsfl
-from rso_lidar.detector.analysis.preset_constants import SOLVED_CONSTANTS, is_of_preset
+from rso_lidar.detector.analysis.preset_constants import is_of_preset
 from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.settings.presets import SOLVED_CONSTANTS
 from rso_lidar.detector.stages.array_effects import draw_shift_m
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Photons, Reading, Taps, Waveforms

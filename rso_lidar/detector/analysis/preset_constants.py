@@ -10,17 +10,13 @@ from typing import Any
 from rso_lidar import units
 from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
+from rso_lidar.detector.settings.presets import DETECTOR_PRESETS, SOLVED_CONSTANTS
 from rso_lidar.part import Part
 
 # State for which `make calibrate` solved the constants of the presets.
 _REFERENCE_PULSE_NS, _REFERENCE_WAVELENGTH_NM = 8.0, 1064.0
 _WITHIN = 0.01  # relative difference that counts as none
 _ASSUMED = re.compile(r"Default: (derived|assumed|solved|fitted|computed)|; assumed\b")
-SOLVED_CONSTANTS = {
-    ("amplifier", "noise_electrons"): "amplifier noise",
-    ("trigger", "threshold_electrons"): "threshold",
-}
 
 
 def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m: float) -> list[str]:

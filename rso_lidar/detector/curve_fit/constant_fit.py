@@ -107,8 +107,12 @@ class ConstantFit:
     @property
     def is_rejected(self) -> bool:
         """Whether the detector cannot have given the curves, all together or one of them."""
-        least = min(curve.p_value for curve in self.curves) * len(self.curves)
-        return min(self.p_value, least) < _REJECTED_BELOW
+        return self.p_value < _REJECTED_BELOW or bool(self.misfits)
+
+    @property
+    def misfits(self) -> list[FittedCurve]:
+        """Curves that the detector cannot have given; the chance of one of them to be so is shared among all."""
+        return [curve for curve in self.curves if curve.p_value * len(self.curves) < _REJECTED_BELOW]
 
     @property
     def hard_to_tell(self) -> list[tuple[str, str, float]]:

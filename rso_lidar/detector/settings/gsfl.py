@@ -17,7 +17,7 @@ from rso_lidar.detector.settings.apd import Apd, noise_rms
 from rso_lidar.detector.settings.data_sheet import DataSheet, fill_amplifier, fill_apd, fill_quantum_efficiency
 from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.settings.gate import Gate
-from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
+from rso_lidar.detector.settings.presets import DETECTOR_PRESETS, SOLVED_CONSTANTS
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.settings.threshold_condition import ThresholdCondition
 from rso_lidar.detector.settings.traits import DetectorTraits
@@ -28,7 +28,6 @@ from rso_lidar.part import Fraction, NotNegative, Part, Positive, Whole
 
 _SPOILT = 30.0  # times the saturation: from there on, the samples that do not clip no longer give the range
 _EDGES = 6.5  # pulses behind the latch that hold both edges of a return up to 1e8 times the saturation
-_PRESET = (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons"))
 # Words of a data sheet with the part and the key that they determine.
 _DETERMINED: tuple[tuple[str, str | None, str], ...] = (
     ("responsivity_a_per_w", None, "quantum_efficiency"),
@@ -182,7 +181,7 @@ class Gsfl(Part):
         if not isinstance(given, dict) or given.get("preset") != "offset_limited":  # the other's constants are defaults
             return given
         filled = dict(given)
-        for part, key in _PRESET:
+        for part, key in SOLVED_CONSTANTS:
             if _is_stated(given, key):
                 continue
             table = filled.get(part, {})
@@ -275,7 +274,7 @@ class Gsfl(Part):
         """Return a copy with some fields changed; another preset brings its own constants, unless they were set."""
         other = changes.get("preset", self.preset)
         if other != self.preset:
-            for name, key in _PRESET:
+            for name, key in SOLVED_CONSTANTS:
                 part = getattr(self, name)
                 if name not in changes and getattr(part, key) == DETECTOR_PRESETS[self.preset][key]:
                     kept = part.model_fields_set - {key}

@@ -9,3 +9,8 @@ DETECTOR_PRESETS: dict[str, dict[str, Any]] = tomllib.loads(
 )
 DEFAULT = DETECTOR_PRESETS["noise_limited"]
 FITTED = DETECTOR_PRESETS["empirical"]
+# What a preset of the full chain sets: part and key, and what it is called.
+SOLVED_CONSTANTS = {
+    ("amplifier", "noise_electrons"): "amplifier noise",
+    ("trigger", "threshold_electrons"): "threshold",
+}

@@ -21,7 +21,6 @@ from rso_lidar.scenario import CalibratedConstant, Calibration, CalibrationData,
 _LIBRARIES = ("numpy", "scipy", "numba")
 _FAR = 3.0  # standard errors from which a point is named
 _MOST_NAMED = 3  # points of a curve
-_DOUBTFUL_BELOW = 1e-3  # probability of a worse fit of one of the curves, shared among them
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +76,7 @@ class CameraFit:
 
     def list_misfits(self) -> list[str]:
         """Return what the fitted detector cannot reproduce, a line for each curve: its worst points."""
-        return [
-            _describe_misfit(curve)
-            for curve in self.fit.curves
-            if curve.p_value * len(self.fit.curves) < _DOUBTFUL_BELOW
-        ]
+        return [_describe_misfit(curve) for curve in self.fit.misfits]
 
     def table(self) -> str:
         """Return the constants, the curves and their goodness of fit as text."""

@@ -53,15 +53,16 @@ def read_curves(file: CurvesFile, detector: AnyDetector) -> tuple[list[MeasuredC
     ScenarioError
         If a table cannot be read, lacks a column, or holds something that is not a measurement.
     """
-    curves, hashes = [], []
+    curves = []
     tables: dict[str, Mapping[str, np.ndarray]] = {}
+    sha256: dict[str, str] = {}
     for table in file.curve:
         path = file.folder / table.file
         if table.file not in tables:
             tables[table.file] = read_table(path)
+            sha256[table.file] = hashlib.sha256(read_bytes(path, MOST_BYTES, ScenarioError, "table")).hexdigest()
         curves.append(_make_curve(table, tables[table.file], detector))
-        hashes.append(hashlib.sha256(read_bytes(path, MOST_BYTES, ScenarioError, "table")).hexdigest())
-    return curves, hashes
+    return curves, [sha256[table.file] for table in file.curve]
 
 
 def read_table(path: Path) -> Mapping[str, np.ndarray]:

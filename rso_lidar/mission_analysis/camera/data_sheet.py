@@ -30,7 +30,7 @@ from rso_lidar.detector import (
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import align_columns, check_writable, format_csv, write_text
 from rso_lidar.mission_analysis.budgets.inputs import select_camera
-from rso_lidar.mission_analysis.camera.data_sheet_figure import data_sheet_figure
+from rso_lidar.mission_analysis.camera.data_sheet_figure import NORMAL_95, data_sheet_figure
 from rso_lidar.mission_analysis.camera.data_sheet_page import write_data_sheet_page
 from rso_lidar.mission_analysis.camera.figure_text import format_interval, format_photons, format_value
 from rso_lidar.part import kind_of
@@ -39,13 +39,10 @@ from rso_lidar.scenario import Lidar, Scenario
 
 PROBABILITIES = (0.5, 0.9, 0.95, 0.99)  # whose photons a data sheet states
 _LEVELS = 17  # of light below, and above twice the light of 50 % detection
-_FAINTEST, _BRIGHTEST = (
-    0.4,
-    2.0,
-)  # times the saturation, and times the light of 50 % detection, at the ends of a light curve
+_FAINTEST = 0.4  # times the light of 50 % detection, where a curve over light begins
+_BRIGHTEST = 2.0  # times that light, up to which levels lie close, and times the saturation, where the curve ends
 _DECADES = 1e3  # of light in the curve of a detector that does not saturate
 _STRONG = 10.0  # times the light of 95 % detection, at which scatter and bias are stated too
-_NORMAL_95 = 1.959963984540054
 _AFTER_RANGE = ("saturation_photons", "crosstalk_noise_m", "crosstalk_offset_m", "operability_fraction")
 _WIDTH = 80  # columns of the table
 
@@ -54,8 +51,9 @@ _WIDTH = 80  # columns of the table
 class CameraDataSheet:
     """The simulated data sheet of a camera with its lens and the laser's own pulse.
 
-    `figures` are its figures in order, each with its origin and uncertainty. `curve` holds detection, range and intensity
-    over light, by trials. `notes` list what the closed forms leave out, and which settings are defaults of the package.
+    `camera` is its name, and `about` describes array, lens and pulse. `figures` are its figures in order, each with its
+    origin and uncertainty. `curve` holds detection, range and intensity over light, by trials. `notes` list what the closed
+    forms leave out, and which settings are defaults of the package.
     `SUFFIXES` are those of the files that `save` writes.
     """
 
@@ -73,6 +71,10 @@ class CameraDataSheet:
         Parameters
         ----------
         name : as `CameraFigure.name`
+
+        Returns
+        -------
+        CameraFigure
 
         Raises
         ------
@@ -235,7 +237,7 @@ def _list_ranging(lidar: Lidar, certain: float, full: float, trials: int) -> Ite
             ("range_sigma", "range sigma", curve.range_sigma_m, curve.range_sigma_error_m),
             ("range_bias", "range bias", curve.range_bias_m, curve.range_bias_error_m),
         ):
-            value, half = float(values_m[level]), _NORMAL_95 * float(errors_m[level])
+            value, half = float(values_m[level]), NORMAL_95 * float(errors_m[level])
             yield CameraFigure(f"{key}_{name}_m", f"{meaning} {at}", value, "m", how, value - half, value + half)
         if np.isfinite(curve.snr[level]):
             yield CameraFigure(
@@ -244,7 +246,7 @@ def _list_ranging(lidar: Lidar, certain: float, full: float, trials: int) -> Ite
         spread = float(curve.intensity_sigma_counts[level])
         if spread > 0.0:
             ratio = float(curve.intensity_counts[level]) / spread
-            half = _NORMAL_95 * ratio / math.sqrt(2.0 * curve.trials)
+            half = NORMAL_95 * ratio / math.sqrt(2.0 * curve.trials)
             yield CameraFigure(
                 f"intensity_snr_{name}",
                 f"SNR of counts {at}",
@@ -261,7 +263,7 @@ def _list_ranging(lidar: Lidar, certain: float, full: float, trials: int) -> Ite
         walk = simulate_walk_curve(
             detector, pulse, levels, pixels=curve.trials, range_m=place_plate_m(detector.traits, pulse)
         )
-        error_m = _NORMAL_95 * float(np.nanmax(walk.noise_m)) / math.sqrt(curve.trials)
+        error_m = NORMAL_95 * float(np.nanmax(walk.noise_m)) / math.sqrt(curve.trials)
         half_m = walk.half_walk_m
         span = f"from {format_photons(certain)} to {format_photons(to)} photons"
         formula = f"half the span of the median range error {span}"
@@ -283,7 +285,7 @@ def _describe_camera(lidar: Lidar) -> str:
     return (
         f"{kind_of(lidar.detector)}, {receiver.n_rows} x {receiver.n_cols} pixels of {receiver.pixel_pitch_um:g} µm behind "
         f"{receiver.focal_length_m / units.MM:.4g} mm f/{receiver.focal_length_m / receiver.aperture_m:.3g} "
-        f"(IFOV {receiver.ifov_rad / units.UM:.4g} µrad), pulse of {laser.pulse_fwhm_s / units.NS:.3g} ns at "
+        f"(IFOV {1e3 * receiver.ifov_rad / units.MRAD:.4g} µrad), pulse of {laser.pulse_fwhm_s / units.NS:.3g} ns at "
         f"{laser.wavelength_nm:g} nm; photons are those on a pixel after the lens"
     )
 

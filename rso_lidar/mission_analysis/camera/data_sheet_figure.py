@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_NORMAL_95 = 1.959963984540054
+NORMAL_95 = 1.959963984540054  # half the width of a 95 % interval, over a normal law's standard deviation
 _MARKED = (50, 95)  # per cent of detection
 
 
@@ -101,7 +101,7 @@ def _draw_detection(axes: Axes, figures: Sequence[CameraFigure], curve: LightCur
 
 def _draw_points(axes: Axes, x: np.ndarray, y: np.ndarray, error: np.ndarray) -> None:
     """Draw values with their 95 % intervals, from standard errors."""
-    axes.errorbar(x, y, _NORMAL_95 * error, fmt="o", color=palette.BLUE, ms=4, lw=page.THIN_PT)
+    axes.errorbar(x, y, NORMAL_95 * error, fmt="o", color=palette.BLUE, ms=4, lw=page.THIN_PT)
 
 
 def _has_positive(axes: Axes) -> bool:

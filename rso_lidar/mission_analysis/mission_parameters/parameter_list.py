@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.detector import DETECTOR_PRESETS, find_photons, list_camera_figures
+from rso_lidar.detector import DETECTOR_PRESETS, SOLVED_CONSTANTS, find_photons, list_camera_figures
 from rso_lidar.errors import RsoLidarError, suppress_warnings
 from rso_lidar.part import Part, name_object
 from rso_lidar.scenario import Scenario, load_presets, require_scenario
@@ -92,8 +92,8 @@ def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
     detector_preset = getattr(scenario.lidar.detector, "preset", None)
     if detector_preset in DETECTOR_PRESETS:
         values = DETECTOR_PRESETS[detector_preset]
-        for name, part in (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons")):
-            preset_values[f"lidar.detector.{name}.{part}"] = (f"preset {detector_preset}", values[part])
+        for part, key in SOLVED_CONSTANTS:
+            preset_values[f"lidar.detector.{part}.{key}"] = (f"preset {detector_preset}", values[key])
     if scenario.lidar.preset is not None:
         tables: list[tuple[str, Any]] = [("lidar", load_presets()[scenario.lidar.preset])]
         while tables:

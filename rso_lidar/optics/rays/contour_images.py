@@ -32,8 +32,8 @@ def image_contours(receiver: Receiver, laser: Laser, contours: Contours) -> tupl
 
     Returns
     -------
-    Columns and rows of both ends (contour, 4) [pixels], steps of light (contour) [photons of a whole pixel], and 1/z of both
-    ends (contour, 2) [1/m], which nothing hides for the edge of the beam.
+    Columns and rows of both ends (contour, 4) [pixels]; steps of light (contour) [photons of a whole pixel]; 1/z of both
+    ends (contour, 2) [1/m]. The edge of the beam has so large a 1/z that nothing is in front of it.
     """
     gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
     steps = contours.step_per_sr_m2 * (laser.density_on_axis * gathered)

@@ -26,7 +26,12 @@ def load_preset_file(name: str, folder: Path | None = None) -> dict[str, Any]:
     Parameters
     ----------
     name : path of the file
-    folder : start of relative paths (None: the working folder)
+    folder : start of relative paths (None: the working folder); the shipped data are searched after it
+
+    Returns
+    -------
+    dict
+        TOML tables by key: laser, receiver, detector, calibration.
 
     Raises
     ------

@@ -78,8 +78,8 @@ def bounce(
     hit, uniform, share = start_paths(hits, _can_send(surfaces, truth, number, facet, direction), key, wanted)
     numbers = np.empty((most - 1, 3, len(hit)))
     numbers[:1] = uniform
-    for turn in range(1, most - 1):
-        draw_numbers(packed(hits.pixel[hit]), key, turn, numbers[turn])
+    for leg in range(1, most - 1):
+        draw_numbers(packed(hits.pixel[hit]), key, leg, numbers[leg])
     paths = _Paths(hits, surfaces, truth, laser, number[hit], facet[hit], direction[hit], hit, numbers)
     bands = [np.arange(a, min(a + _BAND_PATHS, len(hit))) for a in range(0, len(hit), _BAND_PATHS)]
     run_in_threads(threads, paths.follow, bands)
@@ -127,7 +127,7 @@ class _Throughput(NamedTuple):
 class _Paths:
     """The paths of one flash while they are followed, band by band; each band fills its own entries of the results.
 
-    Results are (turn, path): those of a path that ends at its second point, at its third, and so on.
+    Results are (leg, path): those of a path that ends with its first leg, at its second point, with its second, and so on.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class _Paths:
         hits, surfaces, truth, laser_from_m : as for `bounce`
         number, facet, direction : (path) of the hit where each path begins
         hit : as `start_paths` returns it
-        numbers : (turn, 3, path) from 0 to 1, for the direction from each point of the paths
+        numbers : (leg, 3, path) from 0 to 1, for the direction from each point of the paths
         """
         self.hits, self.surfaces, self.truth, self.laser_from_m = hits, surfaces, truth, laser_from_m
         self.number, self.facet, self.direction, self.hit, self.numbers = number, facet, direction, hit, numbers
@@ -169,11 +169,11 @@ class _Paths:
             nothing = _Throughput(np.ones(len(path)), np.ones(len(path)), np.ones(len(path)), np.zeros(len(path)))
             self._leave(0, path, starts, nothing)
 
-    def _leave(self, turn: int, path: np.ndarray, starts: LocalHits, light: _Throughput) -> None:
+    def _leave(self, leg: int, path: np.ndarray, starts: LocalHits, light: _Throughput) -> None:
         """Follow paths from points of one surface to where they end, and on from there."""
         lobes = find_lobes(starts)
         about = packed(lobes), packed(starts.base), packed(starts.normal)
-        toward = draw_directions(packed(self.numbers[turn][:, path]), *about, packed(starts.to_viewer))
+        toward = draw_directions(packed(self.numbers[leg][:, path]), *about, packed(starts.to_viewer))
         density = direction_density(toward, *about, packed(starts.to_viewer))
         begins = (dot(starts.facing, toward) > 0.0) & (density > 0.0)
         segments = find_segments(starts, toward, begins)
@@ -181,13 +181,13 @@ class _Paths:
         for end, of in split_by_surface(segments.number[arrived], len(self.surfaces)):
             on = arrived[of]
             there = starts.point[:, on] + segments.length_m[on] * toward[:, on]
-            passed = self._pass(turn, path[on], starts.only(on), toward[:, on], density[on], light.only(on))
+            passed = self._pass(leg, path[on], starts.only(on), toward[:, on], density[on], light.only(on))
             length_m = passed.length_m + segments.length_m[on]
-            self._arrive(turn, path[on], starts, end, segments.facet[on], there, toward[:, on], passed, length_m)
+            self._arrive(leg, path[on], starts, end, segments.facet[on], there, toward[:, on], passed, length_m)
 
     def _pass(
         self,
-        turn: int,
+        leg: int,
         path: np.ndarray,
         points: LocalHits,
         toward: np.ndarray,
@@ -204,13 +204,13 @@ class _Paths:
         """
         leaving, seen = dot(points.facing, toward), dot(points.facing, points.to_viewer)
         source, reverse = points.to_viewer, light.reverse
-        if turn == 0 and self.laser_from_m.any():
+        if leg == 0 and self.laser_from_m.any():
             source, _ = self._to_laser(points)
         out_of = scatter_per_sr(points, toward, points.to_viewer)
         into = out_of if source is points.to_viewer else scatter_per_sr(points, source, toward)
         # Interpolated normals change the cosine of the light that comes in, not that of the area it leaves (Veach 1996).
         lit = _cosine(points.base, source) * leaving / np.maximum(seen, LEAST_COSINE)
-        if turn > 0:
+        if leg > 0:
             lobes = find_lobes(points)
             about = packed(lobes), packed(points.base), packed(points.normal), packed(toward)
             reverse = reverse * direction_density(packed(points.to_viewer), *about) / np.maximum(seen, LEAST_COSINE)
@@ -223,7 +223,7 @@ class _Paths:
 
     def _arrive(
         self,
-        turn: int,
+        leg: int,
         path: np.ndarray,
         starts: LocalHits,
         end: int,
@@ -247,16 +247,16 @@ class _Paths:
         direction = (away / range_m).T
         ends = localize_points(self.surfaces, end, self.truth, direction, facet, range_m)
         along = rotate(self.truth.poses.place(ends.surface.name, starts.surface.name), toward)
-        self.end[turn, path], self.range_m[turn, path], self.between_m[turn, path] = direction, range_m, length_m
-        self._join(turn, path, ends, -along, light, range_m)
-        if turn + 1 < len(self.numbers):
+        self.end[leg, path], self.range_m[leg, path], self.between_m[leg, path] = direction, range_m, length_m
+        self._join(leg, path, ends, -along, light, range_m)
+        if leg + 1 < len(self.numbers):
             cosine = np.abs(dot(ends.surface.planes[:3, facet], along))
             onward = face_viewer(self.surfaces, end, self.truth, facet, ends.point, along, cosine)
-            self._leave(turn + 1, path, onward, light._replace(length_m=length_m))
+            self._leave(leg + 1, path, onward, light._replace(length_m=length_m))
 
     def _join(
         self,
-        turn: int,
+        leg: int,
         path: np.ndarray,
         ends: LocalHits,
         back: np.ndarray,
@@ -295,8 +295,8 @@ class _Paths:
         reverse = light.reverse * direction_density(packed(back), *about) * end_seen * self.first_m[path] ** 2
         forward = end_leaving * self.first_seen[path] * end_range_m**2
         is_seen = ~hidden & (forward > 0.0) & (reverse > 0.0)
-        self.inward[turn, path], self.outward[turn, path] = inward, outward
-        self.reverse[turn, path] = np.where(is_seen, reverse / np.where(forward > 0.0, forward, 1.0), 0.0)
+        self.inward[leg, path], self.outward[leg, path] = inward, outward
+        self.reverse[leg, path] = np.where(is_seen, reverse / np.where(forward > 0.0, forward, 1.0), 0.0)
 
     def _to_laser(self, points: LocalHits) -> tuple[np.ndarray, np.ndarray]:
         """Return the unit vectors (xyz, path) to the laser, in the surface's axes, and its distance (path) [m]."""
@@ -307,16 +307,16 @@ class _Paths:
 
     def collect(self, share: float) -> Bounces:
         """Return the paths with light, ordered by their hit."""
-        path, turn = np.nonzero(((self.inward > 0.0) | (self.outward > 0.0)).T)
+        path, leg = np.nonzero(((self.inward > 0.0) | (self.outward > 0.0)).T)
         return Bounces(
             pixel_share=share,
             hit=self.hit[path],
-            direction=self.end[turn, path],
-            range_m=self.range_m[turn, path],
-            between_m=self.between_m[turn, path],
-            inward_per_sr=self.inward[turn, path],
-            outward_per_sr=self.outward[turn, path],
-            reverse_density=self.reverse[turn, path],
+            direction=self.end[leg, path],
+            range_m=self.range_m[leg, path],
+            between_m=self.between_m[leg, path],
+            inward_per_sr=self.inward[leg, path],
+            outward_per_sr=self.outward[leg, path],
+            reverse_density=self.reverse[leg, path],
         )
 
 

@@ -99,19 +99,19 @@ def spread_paths(
 
 
 @kernel
-def draw_numbers(pixel: np.ndarray, key: np.ndarray, turn: int, numbers: np.ndarray) -> None:
+def draw_numbers(pixel: np.ndarray, key: np.ndarray, leg: int, numbers: np.ndarray) -> None:
     """Draw three numbers from 0 to 1 for each path (3, path), for a further direction.
 
     Parameters
     ----------
     pixel : (path) in which the path begins, never falling
     key : (2) uint32, key of the frame's random words
-    turn : number of the direction, from 1: `spread_paths` gives those of the first
+    leg : number of the direction, from 1; `spread_paths` gives those of leg 0
     numbers : (3, path), written
     """
     place = 0
     for k in range(len(pixel)):
         place = place + 1 if k > 0 and pixel[k] == pixel[k - 1] else 0
-        words = draw_block(key, turn, place, pixel[k], PATHS)
+        words = draw_block(key, leg, place, pixel[k], PATHS)
         for axis in range(3):
             numbers[axis, k] = (np.float64(words[axis]) + 0.5) * _WORD
