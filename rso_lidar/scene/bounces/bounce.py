@@ -181,26 +181,25 @@ class _Paths:
         for end, of in split_by_surface(segments.number[arrived], len(self.surfaces)):
             on = arrived[of]
             there = starts.point[:, on] + segments.length_m[on] * toward[:, on]
-            passed = self._pass(leg, path[on], starts.only(on), toward[:, on], density[on], light.only(on))
-            length_m = passed.length_m + segments.length_m[on]
-            self._arrive(leg, path[on], starts, end, segments.facet[on], there, toward[:, on], passed, length_m)
+            passed = self._pass(leg, starts.only(on), toward[:, on], density[on], light.only(on), segments.length_m[on])
+            self._arrive(leg, path[on], starts, end, segments.facet[on], there, toward[:, on], passed)
 
     def _pass(
         self,
         leg: int,
-        path: np.ndarray,
         points: LocalHits,
         toward: np.ndarray,
         density: np.ndarray,
         light: _Throughput,
+        length_m: np.ndarray,
     ) -> _Throughput:
-        """Return the light of paths behind points that they leave in drawn directions.
+        """Return the light of paths after points, which are given as the lens or the point before sees them.
 
         Parameters
         ----------
-        points : as the point before sees them, the first ones as the lens does
         toward : (xyz, path) unit vectors, in the surface's axes
         density : (path) with which they were drawn [1/sr]
+        length_m : (path) of the leg [m]
         """
         leaving, seen = dot(points.facing, toward), dot(points.facing, points.to_viewer)
         source, reverse = points.to_viewer, light.reverse
@@ -218,7 +217,7 @@ class _Paths:
             light.inward * out_of * _cosine(points.base, toward) / density,
             light.outward * into * lit / density,
             reverse * leaving / density,
-            light.length_m,
+            light.length_m + length_m,
         )
 
     def _arrive(
@@ -231,7 +230,6 @@ class _Paths:
         there: np.ndarray,
         toward: np.ndarray,
         light: _Throughput,
-        length_m: np.ndarray,
     ) -> None:
         """Join the points where paths arrive to the laser and the lens, and let longer paths go on.
 
@@ -239,7 +237,6 @@ class _Paths:
         ----------
         end, facet : number of the surface where they arrive, and of its facets (path)
         there, toward : (xyz, path) the points [m] and the directions to them, in the axes of the surface that they leave
-        length_m : (path) way from the hit [m]
         """
         place = self.truth.poses.place("lidar", starts.surface.name)
         away = place[0][:, None] + rotate(place, there)
@@ -247,12 +244,12 @@ class _Paths:
         direction = (away / range_m).T
         ends = localize_points(self.surfaces, end, self.truth, direction, facet, range_m)
         along = rotate(self.truth.poses.place(ends.surface.name, starts.surface.name), toward)
-        self.end[leg, path], self.range_m[leg, path], self.between_m[leg, path] = direction, range_m, length_m
+        self.end[leg, path], self.range_m[leg, path], self.between_m[leg, path] = direction, range_m, light.length_m
         self._join(leg, path, ends, -along, light, range_m)
         if leg + 1 < len(self.numbers):
             cosine = np.abs(dot(ends.surface.planes[:3, facet], along))
             onward = face_viewer(self.surfaces, end, self.truth, facet, ends.point, along, cosine)
-            self._leave(leg + 1, path, onward, light._replace(length_m=length_m))
+            self._leave(leg + 1, path, onward, light)
 
     def _join(
         self,
@@ -263,11 +260,10 @@ class _Paths:
         light: _Throughput,
         end_range_m: np.ndarray,
     ) -> None:
-        """Compute the light of paths that end.
+        """Compute the light of paths that end at points, which are given as the lens sees them.
 
         Parameters
         ----------
-        ends : as the lens sees them
         back : (xyz, path) direction to the point before, in the surface's axes
         end_range_m : (path) distance of the ends from the lidar [m]
         """
