@@ -72,33 +72,36 @@ class ScanLines:
         self._window = slice(top, top + self._sides.shape[0]), slice(left, left + self._sides.shape[1])
         self._contours = image_contours(receiver, laser, contours)
         self.probes: Rays | None = None
+        self._fronts, self._per_side = np.empty((4, 0, 0)), 0
         if len(contours.ends):
             self._per_side = count_probes(self._sides, receiver.sampling_error)
             self.probes = self._aim(*place_probes(self._sides, self._per_side, top, left, receiver.n_cols))
         else:
-            self.lay(None)
+            self._begin()
 
-    def lay(self, fronts: np.ndarray | None) -> None:
+    def lay(self, fronts: np.ndarray) -> None:
         """Lay the scan lines of the first round, and place its `rays`.
 
         Parameters
         ----------
-        fronts : (abc, probe) [1/m], what `probes` meet: 1/z = a x/z + b y/z + c on the plane of a facet, zeros for nothing;
-            None without probes
+        fronts : (abc, probe) [1/m], what `probes` meet: 1/z = a x/z + b y/z + c on the plane of a facet, zeros for nothing
         """
-        self._fronts, per_side = np.empty((4, 0, 0)), 0
-        if fronts is not None and self.probes is not None:
-            per_side, error = self._per_side, self._receiver.sampling_error
-            apart, direction = self._receiver.pixel_tangent / per_side, packed(self.probes.direction.T)
-            self._fronts = image_fronts(self._sides, per_side, direction, packed(fronts), apart, error)
-        self._cut(per_side)
+        assert self.probes is not None, "lay: there are no probes"
+        apart, direction = self._receiver.pixel_tangent / self._per_side, packed(self.probes.direction.T)
+        error = self._receiver.sampling_error
+        self._fronts = image_fronts(self._sides, self._per_side, direction, packed(fronts), apart, error)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Place the rays of the first round."""
+        self._cut()
         self._place(self._sides, np.full(self._sides.shape, -1.0), _NARROW)
 
-    def _cut(self, per_side: int) -> None:
+    def _cut(self) -> None:
         """Cut the contours that are not hidden into pieces."""
         rows, cols = self._window
         window = rows.start, rows.stop, cols.start, cols.stop
-        self._pieces = cut_contours(*self._contours, window, self._fronts, per_side)
+        self._pieces = cut_contours(*self._contours, window, self._fronts, self._per_side)
         self._is_crossed = (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
 
     def _aim(self, point: np.ndarray, pixel: np.ndarray, weight: np.ndarray, side: np.ndarray | None = None) -> Rays:
@@ -172,7 +175,7 @@ class ScanLines:
         doubted = doubted[self._window] & (allowed > 0.0)
         if doubted.any():  # here the probes were wrong, and all contours count
             distrust_fronts(self._fronts, self._per_side, doubted)
-            self._cut(self._per_side)
+            self._cut()
         self._place(np.where(allowed > 0.0, self._sides, 0), allowed, _NARROW_AGAIN)
         return hits, True
 
@@ -180,10 +183,8 @@ class ScanLines:
         """Find the rays (ray) that meet what should be hidden."""
         rows, cols = self._window
         depth_m = hits.range_m * self.rays.direction[hits.ray, 2]
-        per_side = self._per_side if self._fronts.size else 0
-        return find_unexpected(
-            packed(self._point), packed(hits.ray), depth_m, rows.start, cols.start, self._fronts, per_side
-        )
+        place = rows.start, cols.start
+        return find_unexpected(packed(self._point), packed(hits.ray), depth_m, *place, self._fronts, self._per_side)
 
     def _find_missed(self, variance: np.ndarray, photons: np.ndarray) -> np.ndarray:
         """Choose the pixels of the second round; return the variance (row, col) that each may have, 0 for all others.
@@ -384,8 +385,8 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
 
     A ray's weight is its share of the pixel's area. From k = 3 on, no two rays of a pixel lie at the same row or column of
     the focal plane, so that an edge along either cuts them at different places. Behind a lens with a PSF they lie in the
-    middle of their cells. Pixels outside the laser's footprint get no rays, unless
-    the laser is beside the lens or sunlight is simulated. The edge of a beam cuts the lines that cross it.
+    middle of their cells. Pixels outside the laser's footprint get no rays, unless the laser is beside the lens or sunlight
+    is simulated. The edge of a beam cuts the lines that cross it.
 
     Parameters
     ----------
