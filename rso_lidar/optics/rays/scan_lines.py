@@ -99,7 +99,7 @@ class ScanLines:
         self._place(self._sides, np.full(self._sides.shape, -1.0), _NARROW)
 
     def _cut(self, sides: np.ndarray) -> None:
-        """Cut the contours that are not hidden into pieces, in the pixels of the window that have rays, `sides` x `sides`."""
+        """Cut the contours that are not hidden into pieces, in pixels with rays, of which `sides` (row, col) is not 0."""
         rows, cols = self._window
         self._pieces = cut_contours(
             *self._contours, packed(sides), rows.start, cols.start, self._fronts, self._per_side
