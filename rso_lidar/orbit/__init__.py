@@ -20,8 +20,8 @@ which only SGP4 may propagate. `OsculatingElements` are those of one state; `mea
 `EarthOrientation` reads polar motion and UT1. `gcrs_from_axes` and `convert_states` know the named axes. `JplEphemeris`
 reads Sun, Moon and planets from a user's kernel.
 
-**Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability` and `sample_collisions` give the probability of
-collision of two states with covariance (`UncertainState`).
+**Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability`, `integrate_collisions` and `sample_collisions` give
+the probability of collision of two states with covariance (`UncertainState`).
 
 **Functions.** `screen` finds close approaches to one object and `screen_pairs` those of any two, `find_eclipses` passages
 through the Earth's shadow, `find_access` when one object sees another, and `solve_lambert` the orbit between two positions.
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.ccsds.table_segment import locate_epochs
     from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
     from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center, find_center_states, subtract_center
+    from rso_lidar.orbit.collision.coppola import IntegratedProbability, integrate_collisions
     from rso_lidar.orbit.collision.foster import foster_probability
     from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
     from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
@@ -139,6 +140,7 @@ __all__ = [
     "Impulse",
     "Initial",
     "IntegratedOrbit",
+    "IntegratedProbability",
     "JplEphemeris",
     "Kepler",
     "LookAngles",
@@ -186,6 +188,7 @@ __all__ = [
     "gcrs_from_axes",
     "gcrs_from_teme",
     "geodetic_from_itrs",
+    "integrate_collisions",
     "integrate_orbit",
     "itrs_from_gcrs",
     "itrs_from_geodetic",

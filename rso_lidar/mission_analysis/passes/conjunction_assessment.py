@@ -1,4 +1,4 @@
-"""Assessment of a conjunction data message: geometry, probability of collision by two methods, and what a scenario needs."""
+"""Assessment of a conjunction data message: geometry, probability of collision by three methods, what a scenario needs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit import (
     ConjunctionMessage,
     ConjunctionObject,
+    IntegratedProbability,
     SampledProbability,
     UncertainSeparation,
     UncertainState,
     check_radius,
     format_utc,
     foster_probability,
+    integrate_collisions,
     sample_collisions,
 )
 from rso_lidar.rpo import rtn_matrix
@@ -29,6 +31,7 @@ _ROUNDED_M, _ROUNDED_M_S = 1.0, 1.0  # messages state whole metres and metres pe
 # Standard deviation of position below which a covariance looks like one in km2: precise orbits have 0.01 to 0.02 m.
 _SURE_M = 0.1
 _LATE_S = 1e-2  # time between the message's instant and the closest approach of its states that is worth a note
+_CURVED = 0.1  # share by which Foster's probability may differ from that in 3-D without a note
 _CURVED_S = 60.0  # length of an encounter beyond which straight lines are worth a note
 
 
@@ -39,7 +42,8 @@ class ConjunctionAssessment:
     `miss_m`, `speed_m_s` and `position_rtn_m` (3) are those of the message's states; the position is that of the second
     object in the rtn axes of the first. `miss_sigma_m` is the standard deviation of the position along the miss vector.
     `radius_m` is the combined hard-body radius, and `radius_source` its origin; without one there is no probability.
-    `foster` is None without a radius, and where there is no relative velocity. `notes` state what differs or is missing.
+    `foster` is None without a radius, and where there is no relative velocity; `integral` without a radius, and where the
+    relative position is known far better than the radius. `notes` state what differs or is missing.
     """
 
     message: ConjunctionMessage
@@ -52,6 +56,7 @@ class ConjunctionAssessment:
     radius_m: float | None
     radius_source: str
     foster: float | None
+    integral: IntegratedProbability | None
     monte_carlo: SampledProbability | None
     notes: tuple[str, ...]
 
@@ -73,6 +78,11 @@ class ConjunctionAssessment:
             method = f", {message.stated_method}" if message.stated_method else ""
             known = "none: no relative velocity" if self.foster is None else f"{self.foster:.4g}"
             lines.append(f"Pc by Foster     {known}" + _state(message.stated_probability, ".4g", method))
+        if self.integral is not None:
+            lines.append(
+                f"Pc in 3-D        {self.integral.probability:.4g}, by the integral of Coppola and Hall within "
+                f"{self.integral.window_s:,.3g} s of the closest approach"
+            )
         if self.monte_carlo is not None:
             estimate = self.monte_carlo
             lines.append(
@@ -104,7 +114,7 @@ def assess_conjunction(
     ----------------
     samples : number of Monte Carlo draws (None: for some 1000 hits, from 1e5 to 4e6; 0: no Monte Carlo)
     seed : of the draws
-    window_s : time that Monte Carlo searches on each side of the closest approach (None: as in
+    window_s : time that Monte Carlo and the integral search on each side of the closest approach (None: as in
         `rl.orbit.sample_collisions`, at most half a revolution) [s]
 
     Returns
@@ -142,10 +152,21 @@ def assess_conjunction(
                 f"covariance would be that of {1000.0 * sigma_m:.3g} m, and the message has m²"
             )
     radius, source = _choose_radius(message, radius_m)
-    foster, drawn = None, None
+    foster, integral, drawn = None, None, None
     if radius is not None:
         if between.speed_m_s > 0.0:
             foster = foster_probability(first, second, radius)
+        try:
+            integral = integrate_collisions(first, second, radius, window_s=window_s)
+        except ScenarioError as error:
+            if not str(error).startswith("covariance"):
+                raise
+            notes.append(f"no Pc in 3-D: {error}")
+        if foster is not None and integral is not None and abs(integral.probability - foster) > _CURVED * foster:
+            notes.append(
+                "Foster's probability differs from that in 3-D: the motion is not straight, or the errors of velocity "
+                "matter; take the one in 3-D"
+            )
         if samples is None or samples != 0:
             rng = np.random.default_rng(int(seed))
             drawn = sample_collisions(first, second, radius, rng=rng, samples=samples, window_s=window_s)
@@ -166,6 +187,7 @@ def assess_conjunction(
         radius_m=radius,
         radius_source=source,
         foster=foster,
+        integral=integral,
         monte_carlo=drawn,
         notes=tuple(notes),
     )

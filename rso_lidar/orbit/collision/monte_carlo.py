@@ -16,8 +16,7 @@ from rso_lidar import units
 from rso_lidar.confidence_intervals import clopper_pearson_bounds
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.collision.foster import foster_probability
-from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
-from rso_lidar.orbit.two_body.kepler import semi_major_axis_m
+from rso_lidar.orbit.collision.uncertain_state import UncertainState, check_radius, check_window
 from rso_lidar.orbit.two_body.many_states import propagate_many
 from rso_lidar.pose import dot
 
@@ -26,7 +25,6 @@ FEWEST_SAMPLES, MOST_SAMPLES = 100_000, 4_000_000
 _WANTED_HITS = 1000  # for a standard error of 3 %
 _LOT = 100_000  # samples drawn together
 _STATES = 200_000  # states propagated together
-_SIGMAS = 8.0  # of the position along the relative velocity, that the window of a fast encounter covers
 _STRAIGHT_RAD = 0.2  # angle of mean motion over which the bound of the tide holds
 _STEP_RAD = 0.1  # angle of motion at perigee between nodes; the cubic between them is good to 1e-6 of the distance
 _BISECTIONS = 30
@@ -105,14 +103,10 @@ def sample_collisions(
     count = choose_samples(first, second, radius) if samples is None else samples
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= 1_000_000_000:
         raise ScenarioError(f"samples: {count!r:.40} is not a number of draws; give 1 to 1e9")
-    between = UncertainSeparation.between(first, second)
-    longest_s = 0.5 * min(_period_s(first), _period_s(second))
-    window = min(_choose_window_s(between, radius), longest_s) if window_s is None else float(window_s)
-    if not 0.0 < window <= 30.0 * units.DAY_S:
-        raise ScenarioError(f"window_s: {window_s!r:.40} is not a window; give seconds above 0, at most 30 days")
+    window = check_window(first, second, radius, window_s)
     factors = first.factor(), second.factor()
     means = [np.concatenate([state.position_m, state.velocity_m_s]) for state in (first, second)]
-    perigee_rad_s = max(_fastest_rad_s(first), _fastest_rad_s(second))
+    perigee_rad_s = max(first.fastest_rad_s, second.fastest_rad_s)
     hits = 0
     for begin in range(0, int(count), _LOT):
         lot = min(_LOT, int(count) - begin)
@@ -218,28 +212,3 @@ def _least_of_cubics(p0: np.ndarray, v0: np.ndarray, p1: np.ndarray, v1: np.ndar
     p = place(0.5 * (low + high))[0]
     least: np.ndarray = np.sqrt(dot(p, p))
     return least
-
-
-def _choose_window_s(between: UncertainSeparation, radius_m: float) -> float:
-    """Return the window [s] that covers the closest approaches of nearly all draws on straight lines."""
-    speed = between.speed_m_s
-    if not speed > 0.0:
-        return math.inf
-    along = between.velocity_m_s / speed
-    spread_m = _SIGMAS * math.sqrt(float(along @ between.covariance_m2 @ along)) + radius_m
-    return abs(between.closest_s) + spread_m / speed
-
-
-def _period_s(state: UncertainState) -> float:
-    axis = semi_major_axis_m(state.position_m, state.velocity_m_s)
-    return 2.0 * math.pi * math.sqrt(axis**3 / GM) if 0.0 < axis < math.inf else math.inf
-
-
-def _fastest_rad_s(state: UncertainState) -> float:
-    """Return the angular rate at perigee [rad/s]."""
-    r, v = state.position_m, state.velocity_m_s
-    h = np.cross(r, v)
-    latus = float(h @ h) / GM
-    eccentricity = np.linalg.norm(np.cross(v, h) / GM - r / np.linalg.norm(r))
-    perigee = latus / (1.0 + float(eccentricity))
-    return float(np.linalg.norm(h)) / perigee**2

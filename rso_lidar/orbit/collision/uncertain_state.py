@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.two_body.kepler import semi_major_axis_m
 from rso_lidar.part import to_real_array
 from rso_lidar.pose import dot
 
+GM = units.EARTH_GM_M3_S2
+_SIGMAS = 8.0  # of the position along the relative velocity, that the window of a fast encounter covers
 _ASYMMETRY = 1e-3  # relative difference of mirrored terms that rounding of digits explains
 _NEGATIVE = 1e-3  # relative size of a negative eigenvalue that rounding of digits explains
 
@@ -56,6 +60,22 @@ class UncertainState:
             )
         object.__setattr__(self, "covariance", full)
 
+    @property
+    def fastest_rad_s(self) -> float:
+        """Angular rate at perigee [rad/s]."""
+        r, v = self.position_m, self.velocity_m_s
+        h = np.cross(r, v)
+        latus = float(h @ h) / GM
+        eccentricity = np.linalg.norm(np.cross(v, h) / GM - r / np.linalg.norm(r))
+        perigee = latus / (1.0 + float(eccentricity))
+        return float(np.linalg.norm(h)) / perigee**2
+
+    @property
+    def period_s(self) -> float:
+        """Period of the orbit [s], infinite where there is none."""
+        axis = semi_major_axis_m(self.position_m, self.velocity_m_s)
+        return 2.0 * math.pi * math.sqrt(axis**3 / GM) if 0.0 < axis < math.inf else math.inf
+
     def factor(self) -> np.ndarray:
         """Return a matrix (6, 6) L with L L^T = covariance; eigenvalues below 0, from rounding, count as 0."""
         scale = np.sqrt(np.diag(self.covariance))
@@ -97,6 +117,13 @@ class UncertainSeparation:
     def speed_m_s(self) -> float:
         """Relative speed [m/s]."""
         return float(np.linalg.norm(self.velocity_m_s))
+
+    @property
+    def sigma_along_m(self) -> float:
+        """Standard deviation of the position along the relative velocity [m], NaN without relative velocity."""
+        speed = self.speed_m_s
+        along = self.velocity_m_s / speed if speed > 0.0 else np.full(3, math.nan)
+        return math.sqrt(max(float(along @ self.covariance_m2 @ along), 0.0)) if speed > 0.0 else math.nan
 
     @property
     def closest_s(self) -> float:
@@ -148,6 +175,42 @@ def check_radius(radius_m: Any) -> float:
     if value is None or value.ndim or not 0.0 < float(value) <= 1e5:
         raise ScenarioError(f"radius_m: {radius_m!r:.40} is not a hard-body radius; give metres above 0, at most 1e5")
     return float(value)
+
+
+def check_window(first: UncertainState, second: UncertainState, radius_m: float, window_s: float | None) -> float:
+    """Check the time that is searched on each side of the instant of two states, or choose it.
+
+    Parameters
+    ----------
+    first, second : the states
+    radius_m : combined hard-body radius [m]
+    window_s : the time [s]; None for what covers the closest approaches of nearly all draws on straight lines, at most half
+        of the shorter period
+
+    Returns
+    -------
+    float
+        the time [s]
+
+    Raises
+    ------
+    ScenarioError
+        if it is not above 0 and at most 30 days
+    """
+    window = min(
+        0.5 * min(first.period_s, second.period_s), _cover_s(UncertainSeparation.between(first, second), radius_m)
+    )
+    window = window if window_s is None else float(window_s)
+    if not 0.0 < window <= 30.0 * units.DAY_S:
+        raise ScenarioError(f"window_s: {window_s!r:.40} is not a window; give seconds above 0, at most 30 days")
+    return window
+
+
+def _cover_s(between: UncertainSeparation, radius_m: float) -> float:
+    """Return the time [s] that covers the closest approaches of nearly all draws on straight lines."""
+    if not between.speed_m_s > 0.0:
+        return math.inf
+    return abs(between.closest_s) + (_SIGMAS * between.sigma_along_m + radius_m) / between.speed_m_s
 
 
 def _check_array(name: str, given: Any, shapes: tuple[tuple[int, ...], ...]) -> np.ndarray:
