@@ -531,6 +531,63 @@ def shared() -> Any:
     return figure
 
 
+def droop() -> Any:
+    """Return the range error that the droop of two arrays makes, over the pixels that are lit and over the light."""
+    figure = figures.new_figure(
+        9.6, 4.6, "Range error under droop",
+        "128 x 128 pixels, a facing plate, pulse 8 ns, no jitter; error about the true range, bias and noise, rms",
+    )  # fmt: skip
+    over_lit, over_light = figure.subplots(1, 2)
+    lit = np.array([16, 164, 820, 1638, 4096, 8192, 12_288, 16_384])
+    for name, gain, colour in (("small_junctions", 20.0, palette.RED), ("large_junctions", 10.0, palette.BLUE)):
+        detector = rl.Gsfl(droop=rl.detector.Droop(preset=name), apd={"gain": gain}, timing=STILL)
+        bound_cm = (
+            CM * math.sqrt(detector.apd.excess_noise_factor / 0.8) * 8.0 * units.NS / math.sqrt(8.0 * math.log(2.0))
+        )
+        errors = [_drooped_error_cm(detector, n, 20_000.0) for n in lit]
+        over_lit.plot(lit, errors, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=f"{name}, gain {gain:g}")
+        over_lit.axhline(bound_cm / math.sqrt(20_000.0), color=colour, lw=figures.THIN_PT, ls="--")
+        sys.stdout.write(f"{name}, 20,000 photons: {np.round(errors, 2).tolist()} cm at {lit.tolist()} pixels, ")
+        sys.stdout.write(f"bound {bound_cm / math.sqrt(20_000.0):.2f} cm\n")
+        for share, line in ((1.0, "-"), (0.1, ":")):
+            levels = np.geomspace(2000.0, 40_000.0 if gain == 20.0 else 80_000.0, 9)
+            ratios = [_drooped_error_cm(detector, round(share * 16_384), n) / (bound_cm / math.sqrt(n)) for n in levels]
+            over_light.plot(
+                levels, ratios, line, color=colour, lw=figures.LINE_PT, label=f"{name}, {share:.0%} of the pixels lit"
+            )
+            sys.stdout.write(
+                f"{name}, {share:.0%} lit, over bound: {np.round(ratios, 2).tolist()} at {levels.round().tolist()}\n"
+            )
+    over_lit.set(xscale="log", ylim=(0, None))
+    figures.format_thousands(over_lit.xaxis)
+    figures.style_axes(over_lit, "20,000 photons a pixel; dashed: bound", x="Pixels lit", y="Range error, rms [cm]")
+    key(over_lit, "upper left")
+    over_light.axhline(
+        2.5 / 0.6, color=palette.INK, lw=figures.THIN_PT, ls="--", label="measured (Appl. Opt. 45, 6154)"
+    )
+    over_light.set(xscale="log", xlim=(1000, 100_000), ylim=(0, 12))
+    figures.format_thousands(over_light.xaxis)
+    figures.style_axes(over_light, "Error over the bound of shot noise", x="Photons on each lit pixel", y="Ratio")
+    key(over_light, "upper left")
+    return figure
+
+
+def _drooped_error_cm(detector: Any, n_lit: int, photons: float) -> float:
+    """Return the rms range error of a frame [cm] in which so many of 128 x 128 pixels see a plate at 50 m."""
+    laser, pixel = rl.Laser(), np.arange(n_lit) * 16_384 // n_lit
+    range_m = 50.0 + 0.05 * np.random.default_rng(1).random(n_lit)  # a twentieth of the pulse: charges flow together
+    light = make_point_returns(
+        (128, 128), laser.pulse, laser.pulse_fwhm_s, pixel, range_m, np.full(n_lit, photons), np.inf
+    )
+    threshold = rl.detector.Trigger(threshold_electrons=625.0 * detector.apd.gain)  # of as many photons at each gain
+    armed = detector.replace(trigger=threshold, armed_from_m=46.0, armed_to_m=60.0)
+    frames = [
+        detect(light, armed, np.random.default_rng(seed))[0].range_m.ravel()[pixel]
+        for seed in range(20 if n_lit < 1000 else 1)
+    ]
+    return float(np.sqrt(np.nanmean((np.array(frames) - range_m) ** 2))) / units.CM
+
+
 def _flat(pixel: np.ndarray, photons: float) -> Photons:
     """Return the light of a facing plate at 50 m in some pixels of 128 x 128."""
     one = make_plate(photons, len(pixel), make_reference_pulse(), REFERENCE_FWHM_S)
@@ -1466,6 +1523,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "pixel": pixel,
     "gate": gate,
     "shared": shared,
+    "droop": droop,
     "separation": separation,
     "operations": operations,
     "safety_ellipse": safety_ellipse,
