@@ -928,6 +928,57 @@ def models() -> Any:
     return figure
 
 
+def published_arrays() -> Any:
+    """Return published errors of two linear-mode arrays with what the full detector makes of them (calibration.md)."""
+    sys.path.insert(0, str(FOLDER.parents[1]))
+    from tests.physics import published_arrays as known
+
+    figure = figures.new_figure(
+        9.6,
+        4.6,
+        "Published linear-mode arrays and the full detector",
+        "dashed: published; lines and dots: simulated; sources in calibration.md",
+    )
+    cells, counts = figure.subplots(1, 2)
+    spreads_ns = np.linspace(0.0, 1.5, 9)
+    errors = np.array([known.cell_errors_cm(known.JORDAN_PHOTONS[121], t0_ns=spread) for spread in spreads_ns])
+    for column, (label, colour, published_cm) in enumerate(
+        (
+            ("highest cell", palette.RED, known.JORDAN_RAW_CM[121]),
+            ("peak of a spline", palette.BLUE, known.JORDAN_SPLINE_CM[121]),
+        )
+    ):
+        cells.plot(spreads_ns, errors[:, column], ".-", color=colour, ms=4, lw=figures.LINE_PT, label=label)
+        cells.axhline(published_cm, color=colour, lw=figures.THIN_PT, ls="--")
+    alone_cm = known.CELL_NS * units.NS * CM / math.sqrt(12.0)
+    cells.plot([0.0], [alone_cm], "D", color=palette.INK, ms=6, label="cells of 1.876 ns alone")
+    cells.set(ylim=(0, 30))
+    figures.style_axes(
+        cells, "An early ladar, 121 pixels: range, rms error", x="Spread of the time origins, 1 sigma [ns]", y="[cm]"
+    )
+    key(cells, "upper left")
+    levels = np.geomspace(2.0, 1200.0, 12)
+    noise_cm = [known.pixell_trial(level).range_noise_m / units.CM for level in levels]
+    counts.plot(levels, noise_cm, ".-", color=palette.BLUE, ms=4, lw=figures.LINE_PT, label="simulated")
+    counts.plot(
+        [known.PIXELL_COUNTS, levels[-1]],
+        [known.PIXELL_FLOOR_CM] * 2,
+        "--",
+        color=palette.INK,
+        lw=figures.LINE_PT,
+        label="published: 0.6 cm above 60 counts",
+    )
+    low = levels[levels < known.PIXELL_COUNTS]
+    counts.plot(low, noise_cm[0] * low[0] / low, ":", color=palette.INK, lw=figures.LINE_PT, label="1 / amplitude")
+    counts.set(xscale="log", yscale="log", ylim=(0.1, 10.0))
+    figures.format_thousands(counts.xaxis)
+    figures.style_axes(counts, "Pixell: range, 1 sigma", x="Amplitude [counts]", y="[cm]")
+    key(counts)
+    sys.stdout.write(f"cells: {np.round(errors, 1).tolist()} cm at {spreads_ns.round(2).tolist()} ns\n")
+    sys.stdout.write(f"Pixell: {np.round(noise_cm, 2).tolist()} cm at {levels.round().tolist()} counts\n")
+    return figure
+
+
 def published() -> Any:
     """Return four published measurements with what the detectors make of them (calibration.md)."""
     sys.path.insert(0, str(FOLDER.parents[1]))
@@ -1537,6 +1588,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "smear": smear,
     "allan": allan,
     "published": published,
+    "published_arrays": published_arrays,
     "camera_fit": camera_fit,
     "scan_lines": scan_lines,
     "second_bounce": second_bounce,
