@@ -491,46 +491,6 @@ def gate() -> Any:
     return figure
 
 
-def shared() -> Any:
-    """Return what droop and crosstalk do against light and against the share of the array that is lit."""
-    figure = figures.new_figure(
-        9.6, 4.6, "What the pixels of a flash do to each other",
-        "128 x 128 pixels, a facing plate at 50 m in some of them, Droop() and Crosstalk() with their defaults",
-    )  # fmt: skip
-    sag, scatter = figure.subplots(1, 2)
-    levels, n = np.geomspace(1000, 100_000, 7), 128 * 128
-    for share, colour in ((1.0, palette.RED), (0.25, palette.ORANGE), (0.05, palette.BLUE)):
-        lit = np.flatnonzero(np.arange(n) % round(1.0 / share) == 0)
-        loads = [simulate_array_load(rl.Gsfl(droop=rl.detector.Droop()), _flat(lit, level)) for level in levels]
-        lost = [100.0 * (1.0 - one.gain[lit].mean()) for one in loads]
-        sag.plot(levels, lost, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=f"{share:.0%} of the array is lit")
-        sys.stdout.write(
-            f"droop, {share:.0%} lit: {np.round(lost, 2).tolist()} % at {levels.round().tolist()} photons\n"
-        )
-    sag.set(xscale="log", yscale="log", ylim=(0.002, 50.0))
-    figures.format_thousands(sag.xaxis)
-    figures.style_axes(sag, "Droop: gain lost, mean over the pulse", x="Photons on each lit pixel", y="Lost [%]")
-    key(sag)
-    shares = np.array([0.01, 0.1, 0.25, 0.5, 0.75, 1.0])
-    for name, detector, colour in (
-        ("default jitter, Crosstalk()", rl.Gsfl(crosstalk=rl.detector.Crosstalk()), palette.BLUE),
-        ("default jitter alone", rl.Gsfl(), palette.GREEN),
-    ):
-        spread = []
-        for share in shares:
-            lit = np.flatnonzero(np.modf(np.arange(n) * share)[0] < share)
-            reading, _ = detect(_flat(lit, 30_000.0), detector, np.random.Generator(np.random.Philox(5)))
-            low, high = np.quantile(reading.range_m.ravel()[lit], [0.25, 0.75])
-            spread.append((high - low) / 1.349 / units.CM)
-        scatter.plot(shares, spread, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=name)
-        sys.stdout.write(f"{name}: {np.round(spread, 2).tolist()} cm at {shares.tolist()}\n")
-    scatter.plot([0.5], [8.04], "D", color=palette.INK, ms=6, label="published (Opt. Eng. 60, 083101)")
-    scatter.set(ylim=(0, 16), xlim=(0, 1.03))
-    figures.style_axes(scatter, "Crosstalk: range, 1 sigma", x="Share of the array that latches together", y="[cm]")
-    key(scatter, "upper left")
-    return figure
-
-
 def droop() -> Any:
     """Return the range error that the droop of two arrays makes, over the pixels that are lit and over the light."""
     figure = figures.new_figure(
@@ -586,6 +546,46 @@ def _drooped_error_cm(detector: Any, n_lit: int, photons: float) -> float:
         for seed in range(20 if n_lit < 1000 else 1)
     ]
     return float(np.sqrt(np.nanmean((np.array(frames) - range_m) ** 2))) / units.CM
+
+
+def shared() -> Any:
+    """Return what droop and crosstalk do against light and against the share of the array that is lit."""
+    figure = figures.new_figure(
+        9.6, 4.6, "What the pixels of a flash do to each other",
+        "128 x 128 pixels, a facing plate at 50 m in some of them, Droop() and Crosstalk() with their defaults",
+    )  # fmt: skip
+    sag, scatter = figure.subplots(1, 2)
+    levels, n = np.geomspace(1000, 100_000, 7), 128 * 128
+    for share, colour in ((1.0, palette.RED), (0.25, palette.ORANGE), (0.05, palette.BLUE)):
+        lit = np.flatnonzero(np.arange(n) % round(1.0 / share) == 0)
+        loads = [simulate_array_load(rl.Gsfl(droop=rl.detector.Droop()), _flat(lit, level)) for level in levels]
+        lost = [100.0 * (1.0 - one.gain[lit].mean()) for one in loads]
+        sag.plot(levels, lost, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=f"{share:.0%} of the array is lit")
+        sys.stdout.write(
+            f"droop, {share:.0%} lit: {np.round(lost, 2).tolist()} % at {levels.round().tolist()} photons\n"
+        )
+    sag.set(xscale="log", yscale="log", ylim=(0.002, 50.0))
+    figures.format_thousands(sag.xaxis)
+    figures.style_axes(sag, "Droop: gain lost, mean over the pulse", x="Photons on each lit pixel", y="Lost [%]")
+    key(sag)
+    shares = np.array([0.01, 0.1, 0.25, 0.5, 0.75, 1.0])
+    for name, detector, colour in (
+        ("default jitter, Crosstalk()", rl.Gsfl(crosstalk=rl.detector.Crosstalk()), palette.BLUE),
+        ("default jitter alone", rl.Gsfl(), palette.GREEN),
+    ):
+        spread = []
+        for share in shares:
+            lit = np.flatnonzero(np.modf(np.arange(n) * share)[0] < share)
+            reading, _ = detect(_flat(lit, 30_000.0), detector, np.random.Generator(np.random.Philox(5)))
+            low, high = np.quantile(reading.range_m.ravel()[lit], [0.25, 0.75])
+            spread.append((high - low) / 1.349 / units.CM)
+        scatter.plot(shares, spread, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=name)
+        sys.stdout.write(f"{name}: {np.round(spread, 2).tolist()} cm at {shares.tolist()}\n")
+    scatter.plot([0.5], [8.04], "D", color=palette.INK, ms=6, label="published (Opt. Eng. 60, 083101)")
+    scatter.set(ylim=(0, 16), xlim=(0, 1.03))
+    figures.style_axes(scatter, "Crosstalk: range, 1 sigma", x="Share of the array that latches together", y="[cm]")
+    key(scatter, "upper left")
+    return figure
 
 
 def _flat(pixel: np.ndarray, photons: float) -> Photons:
@@ -1573,8 +1573,8 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "strong_returns": strong_returns,
     "pixel": pixel,
     "gate": gate,
-    "shared": shared,
     "droop": droop,
+    "shared": shared,
     "separation": separation,
     "operations": operations,
     "safety_ellipse": safety_ellipse,
