@@ -491,6 +491,63 @@ def gate() -> Any:
     return figure
 
 
+def droop() -> Any:
+    """Return the range error that the droop of two arrays makes, over the pixels that are lit and over the light."""
+    figure = figures.new_figure(
+        9.6, 4.6, "Range error under droop",
+        "128 x 128 pixels, a facing plate, pulse 8 ns, no jitter; error about the true range, bias and noise, rms",
+    )  # fmt: skip
+    over_lit, over_light = figure.subplots(1, 2)
+    lit = np.array([16, 164, 820, 1638, 4096, 8192, 12_288, 16_384])
+    for name, gain, colour in (("small_junctions", 20.0, palette.RED), ("large_junctions", 10.0, palette.BLUE)):
+        detector = rl.Gsfl(droop=rl.detector.Droop(preset=name), apd={"gain": gain}, timing=STILL)
+        bound_cm = (
+            CM * math.sqrt(detector.apd.excess_noise_factor / 0.8) * 8.0 * units.NS / math.sqrt(8.0 * math.log(2.0))
+        )
+        errors = [_drooped_error_cm(detector, n, 20_000.0) for n in lit]
+        over_lit.plot(lit, errors, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=f"{name}, gain {gain:g}")
+        over_lit.axhline(bound_cm / math.sqrt(20_000.0), color=colour, lw=figures.THIN_PT, ls="--")
+        sys.stdout.write(f"{name}, 20,000 photons: {np.round(errors, 2).tolist()} cm at {lit.tolist()} pixels, ")
+        sys.stdout.write(f"bound {bound_cm / math.sqrt(20_000.0):.2f} cm\n")
+        for share, line in ((1.0, "-"), (0.1, ":")):
+            levels = np.geomspace(2000.0, 40_000.0 if gain == 20.0 else 80_000.0, 9)
+            ratios = [_drooped_error_cm(detector, round(share * 16_384), n) / (bound_cm / math.sqrt(n)) for n in levels]
+            over_light.plot(
+                levels, ratios, line, color=colour, lw=figures.LINE_PT, label=f"{name}, {share:.0%} of the pixels lit"
+            )
+            sys.stdout.write(
+                f"{name}, {share:.0%} lit, over bound: {np.round(ratios, 2).tolist()} at {levels.round().tolist()}\n"
+            )
+    over_lit.set(xscale="log", ylim=(0, None))
+    figures.format_thousands(over_lit.xaxis)
+    figures.style_axes(over_lit, "20,000 photons a pixel; dashed: bound", x="Pixels lit", y="Range error, rms [cm]")
+    key(over_lit, "upper left")
+    over_light.axhline(
+        2.5 / 0.6, color=palette.INK, lw=figures.THIN_PT, ls="--", label="measured (Appl. Opt. 45, 6154)"
+    )
+    over_light.set(xscale="log", xlim=(1000, 100_000), ylim=(0, 12))
+    figures.format_thousands(over_light.xaxis)
+    figures.style_axes(over_light, "Error over the bound of shot noise", x="Photons on each lit pixel", y="Ratio")
+    key(over_light, "upper left")
+    return figure
+
+
+def _drooped_error_cm(detector: Any, n_lit: int, photons: float) -> float:
+    """Return the rms range error of a frame [cm] in which so many of 128 x 128 pixels see a plate at 50 m."""
+    laser, pixel = rl.Laser(), np.arange(n_lit) * 16_384 // n_lit
+    range_m = 50.0 + 0.05 * np.random.default_rng(1).random(n_lit)  # a twentieth of the pulse: charges flow together
+    light = make_point_returns(
+        (128, 128), laser.pulse, laser.pulse_fwhm_s, pixel, range_m, np.full(n_lit, photons), np.inf
+    )
+    threshold = rl.detector.Trigger(threshold_electrons=625.0 * detector.apd.gain)  # of as many photons at each gain
+    armed = detector.replace(trigger=threshold, armed_from_m=46.0, armed_to_m=60.0)
+    frames = [
+        detect(light, armed, np.random.default_rng(seed))[0].range_m.ravel()[pixel]
+        for seed in range(20 if n_lit < 1000 else 1)
+    ]
+    return float(np.sqrt(np.nanmean((np.array(frames) - range_m) ** 2))) / units.CM
+
+
 def shared() -> Any:
     """Return what droop and crosstalk do against light and against the share of the array that is lit."""
     figure = figures.new_figure(
@@ -868,6 +925,57 @@ def models() -> Any:
         )
         text = f"{bar_m:g} m" if bar_m >= 1.0 else f"{100 * bar_m:g} cm"
         axes.text(4, foot - 5, text, fontsize=figures.SMALL_PT, color=palette.QUIET, va="bottom")
+    return figure
+
+
+def published_arrays() -> Any:
+    """Return published errors of two linear-mode arrays with what the full detector makes of them (calibration.md)."""
+    sys.path.insert(0, str(FOLDER.parents[1]))
+    from tests.physics import published_arrays as known
+
+    figure = figures.new_figure(
+        9.6,
+        4.6,
+        "Published linear-mode arrays and the full detector",
+        "dashed: published; lines and dots: simulated; sources in calibration.md",
+    )
+    cells, counts = figure.subplots(1, 2)
+    spreads_ns = np.linspace(0.0, 1.5, 9)
+    errors = np.array([known.cell_errors_cm(known.JORDAN_PHOTONS[121], t0_ns=spread) for spread in spreads_ns])
+    for column, (label, colour, published_cm) in enumerate(
+        (
+            ("highest cell", palette.RED, known.JORDAN_RAW_CM[121]),
+            ("peak of a spline", palette.BLUE, known.JORDAN_SPLINE_CM[121]),
+        )
+    ):
+        cells.plot(spreads_ns, errors[:, column], ".-", color=colour, ms=4, lw=figures.LINE_PT, label=label)
+        cells.axhline(published_cm, color=colour, lw=figures.THIN_PT, ls="--")
+    alone_cm = known.CELL_NS * units.NS * CM / math.sqrt(12.0)
+    cells.plot([0.0], [alone_cm], "D", color=palette.INK, ms=6, label="cells of 1.876 ns alone")
+    cells.set(ylim=(0, 30))
+    figures.style_axes(
+        cells, "An early ladar, 121 pixels: range, rms error", x="Spread of the time origins, 1 sigma [ns]", y="[cm]"
+    )
+    key(cells, "upper left")
+    levels = np.geomspace(2.0, 1200.0, 12)
+    noise_cm = [known.pixell_trial(level).range_noise_m / units.CM for level in levels]
+    counts.plot(levels, noise_cm, ".-", color=palette.BLUE, ms=4, lw=figures.LINE_PT, label="simulated")
+    counts.plot(
+        [known.PIXELL_COUNTS, levels[-1]],
+        [known.PIXELL_FLOOR_CM] * 2,
+        "--",
+        color=palette.INK,
+        lw=figures.LINE_PT,
+        label="published: 0.6 cm above 60 counts",
+    )
+    low = levels[levels < known.PIXELL_COUNTS]
+    counts.plot(low, noise_cm[0] * low[0] / low, ":", color=palette.INK, lw=figures.LINE_PT, label="1 / amplitude")
+    counts.set(xscale="log", yscale="log", ylim=(0.1, 10.0))
+    figures.format_thousands(counts.xaxis)
+    figures.style_axes(counts, "Pixell: range, 1 sigma", x="Amplitude [counts]", y="[cm]")
+    key(counts)
+    sys.stdout.write(f"cells: {np.round(errors, 1).tolist()} cm at {spreads_ns.round(2).tolist()} ns\n")
+    sys.stdout.write(f"Pixell: {np.round(noise_cm, 2).tolist()} cm at {levels.round().tolist()} counts\n")
     return figure
 
 
@@ -1467,6 +1575,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "strong_returns": strong_returns,
     "pixel": pixel,
     "gate": gate,
+    "droop": droop,
     "shared": shared,
     "separation": separation,
     "operations": operations,
@@ -1481,6 +1590,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "smear": smear,
     "allan": allan,
     "published": published,
+    "published_arrays": published_arrays,
     "camera_fit": camera_fit,
     "scan_lines": scan_lines,
     "second_bounce": second_bounce,

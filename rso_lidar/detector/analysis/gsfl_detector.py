@@ -25,6 +25,8 @@ from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
 _MOST_FALSE_REPORTS = 0.005  # of all pixels: 80 false triggers in a frame begin to hide a distant target
 _MOST_FALSE_TRIGGERS = 1.0  # by noise while a pixel is armed: most flashes would see nothing else
+_SLOPE_SCALE_V = 45.0  # a of M = a/(V_b - V): 40 to 50 V for most InGaAs APDs (data sheet C30645, C30662) ...
+_SLOPE_WITHIN = 0.125  # ... so the slope M/a is known to an eighth
 _MOST_STEPS = 2**14  # of time in one trace, and ...
 _MOST_GATED = 2**27  # ... in all pixels under a gate: half a gigabyte
 _OPTIONAL = (
@@ -139,6 +141,13 @@ class BuiltGsfl(BuiltDetector):
                     f"the amplifier clips at {rail.rail_electrons:.0f} electrons, before the first channel does, and the "
                     "second is never needed; raise lidar.detector.saturation.rail_electrons or leave out readout.low_gain"
                 )
+        slope_gain = None if gsfl.droop is None else gsfl.droop.slope_gain
+        if gsfl.droop is not None and slope_gain is not None and abs(gsfl.apd.gain / slope_gain - 1.0) > _SLOPE_WITHIN:
+            lines.append(
+                f"the slope of the gain {gsfl.droop.gain_slope_per_v:g} / V belongs to a gain of {slope_gain:g}, not of "
+                f"{gsfl.apd.gain:g}; set lidar.detector.droop.gain_slope_per_v to {gsfl.apd.gain / _SLOPE_SCALE_V:.2g} "
+                f"(gain / {_SLOPE_SCALE_V:g} V), or lidar.detector.apd.gain to {slope_gain:g}"
+            )
         if gsfl.gate is not None:
             return lines
         share = float(self.false_alarm_probability(np.array(gsfl.armed_to_m)))

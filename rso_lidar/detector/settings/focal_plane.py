@@ -1,10 +1,14 @@
 """Optional parts of a focal plane: what makes one pixel differ from the next, and one flash from an ideal one."""
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from rso_lidar.part import Flag, Fraction, NotNegative, Number, Part, Positive
+
+# 128 x 128 APDs of 40 µm: 0.24 pF of 80 µm by the areas. The slope is M/a with M = 20 and a = 45 V (C30645). R is assumed.
+_SMALL_JUNCTIONS = {"capacitance_nf": 1.0, "resistance_ohm": 1000.0, "gain_slope_per_v": 0.44}
+_SLOPES = {"large_junctions": (0.22, 10.0), "small_junctions": (0.44, 20.0)}  # slope [1/V] and the gain it belongs to
 
 
 class Timing(Part):
@@ -94,25 +98,52 @@ class Droop(Part):
     C is that of the junctions. From 80 to 200 µm it rises by 1.25 pF (same data sheet). A pixel of 80 µm therefore has
     0.24 pF, and 128 x 128 pixels have 4 nF. Two things are assumed: that nothing else holds the bias, and R, the output
     resistance of the regulator (a loop of 0.8 MHz with C).
+
+    `preset` chooses the array. ``large_junctions`` is the above. ``small_junctions`` loses 16 times as much gain to the same
+    light: APDs of 40 µm (0.06 pF by their area, 1 nF in all) at a gain of 20, behind a series resistor of 1 kΩ. Set
+    `apd.gain` to 20 with it. Its range errors are two to six times the bound of shot noise where 8,000 to 22,000 photons
+    light every pixel. Diameter, gain and resistor are assumed, because no source gives those of a camera. A key that is
+    given keeps its value.
     """
 
+    preset: Literal["large_junctions", "small_junctions"] = Field(
+        default="large_junctions",
+        description=(
+            "Array whose constants fill the keys that are not given: APDs of 80 µm at a gain of 10, or APDs of 40 µm at "
+            "a gain of 20 behind a series resistor of 1 kΩ. Default: a choice."
+        ),
+    )
     capacitance_nf: Positive = Field(
         default=4.0,
         description=(
             "Capacitance C that holds the APD bias [nF]: the junctions of 128 x 128 pixels, from a data sheet. No "
-            "further capacitance is assumed."
+            "further capacitance is assumed. `small_junctions` has 1."
         ),
     )
     resistance_ohm: Positive = Field(
-        default=50.0, description="Output resistance R of the bias regulator [Ω]; assumed."
+        default=50.0,
+        description="Output resistance R of the bias regulator [Ω]; assumed. `small_junctions` has 1000.",
     )
     gain_slope_per_v: NotNegative = Field(
         default=0.22,
         description=(
             "Slope of the gain loss [1/V]: a sag of v volts leaves 1/(1 + slope · v) of the gain. From the data sheet "
-            "of InGaAs APDs at a gain of 10."
+            "of InGaAs APDs at a gain of 10. `small_junctions` has 0.44, for a gain of 20."
         ),
     )
+
+    @model_validator(mode="after")
+    def _fill_from_preset(self) -> Self:
+        if self.preset == "small_junctions":
+            given = self.model_fields_set
+            self.__dict__.update({key: value for key, value in _SMALL_JUNCTIONS.items() if key not in given})
+        return self
+
+    @property
+    def slope_gain(self) -> float | None:
+        """Gain of the APD to which the slope belongs; None for a slope that is not the preset's."""
+        slope, gain = _SLOPES[self.preset]
+        return gain if self.gain_slope_per_v == slope else None
 
 
 class Bloom(Part):

@@ -16,6 +16,7 @@ from rso_lidar.detector import (
     Saturation,
     Speckle,
     Timing,
+    advise,
     detect,
     make_plate,
     run_trial,
@@ -226,6 +227,30 @@ def test_the_default_slope_is_that_of_the_data_sheet_and_within_millers():
     assert 10.0 / 50.0 <= slope <= 10.0 / 40.0
     miller = [n * 9.0 / (v_b * 0.9 ** (1.0 / n)) for v_b in (50.0, 70.0) for n in (1.0, 3.0)]
     assert min(miller) <= slope <= max(miller)
+
+
+def test_a_preset_of_droop_fills_the_keys_that_are_not_given():
+    """A pixel of 40 µm has a quarter of the 0.24 pF of 80 µm; the slope is M/a at twice the gain."""
+    small, large = Droop(preset="small_junctions"), Droop()
+    assert small.capacitance_nf == pytest.approx(0.24e-3 / 4.0 * 128**2, rel=0.02)
+    assert small.gain_slope_per_v == 2.0 * large.gain_slope_per_v
+    assert small.replace(preset="large_junctions") == large
+    assert Droop(preset="small_junctions", capacitance_nf=3.0).capacitance_nf == 3.0
+    assert Droop(**small.model_dump()) == small
+    assert (large.slope_gain, small.slope_gain, small.replace(gain_slope_per_v=0.3).slope_gain) == (10.0, 20.0, None)
+
+
+def test_a_slope_of_another_gain_is_told():
+    """Slope M/a of the data sheet: 0.44 per volt belongs to a gain of 20."""
+    small, large = Droop(preset="small_junctions"), Droop()
+    told = advise(Gsfl(droop=small), 8e-9)
+    assert any("slope of the gain 0.44 / V belongs to a gain of 20, not of 10" in line for line in told)
+    for fine in (
+        Gsfl(droop=small, apd={"gain": 20.0}),
+        Gsfl(droop=large),
+        Gsfl(droop=large.replace(gain_slope_per_v=0.0)),
+    ):
+        assert not any("droop" in line for line in advise(fine, 8e-9))
 
 
 def test_a_bright_array_dims_every_pixel():
