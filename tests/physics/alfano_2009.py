@@ -222,7 +222,8 @@ CASES = {  # positions and velocities [m, m/s]; lower triangles of covariances i
         ),
     },
     9: {
-        "radius_m": 6.0, "inside": 8.4198629e-2, "linear": 0.290146291, "sampled": 0.36511606, "crossings": 0.27983426149, "window_s": 10800.0,
+        "radius_m": 6.0, "inside": 8.4198629e-2,
+        "linear": 0.290146291, "sampled": 0.36511606, "crossings": 0.27983426149, "window_s": 10800.0,
         "first": (
             [
                 -5532700.6575059, 20132673.95812, 40010548.546273, -1450.9451284357, -311.60857222859,
@@ -280,7 +281,8 @@ CASES = {  # positions and velocities [m, m/s]; lower triangles of covariances i
         ),
     },
     11: {
-        "radius_m": 4.0, "inside": 1.9211320e-3, "linear": 0.002672026, "sampled": 0.00332853, "crossings": 0.002440748845, "window_s": 1420.0,
+        "radius_m": 4.0, "inside": 1.9211320e-3,
+        "linear": 0.002672026, "sampled": 0.00332853, "crossings": 0.002440748845, "window_s": 1420.0,
         "first": (
             [
                 1315785.8155696, 6751109.2628038, 0.0, -7472.0159764697, 1456.2899595947, 0.0,

@@ -45,7 +45,7 @@ def test_objects_that_stay_together_are_inside_from_the_start():
     covariance = np.diag([4.0] * 3 + [1e-10] * 3)
     found = integrate_collisions(UncertainState(*state, covariance), UncertainState(*state, covariance), 100.0)
     assert found.inside == pytest.approx(1.0, abs=1e-3)  # half a revolution spreads them by some 30 m
-    assert found.probability == 1.0
+    assert found.inside < found.probability <= 1.0  # whoever drifts out may come in again
     assert found.window_s == pytest.approx(math.pi * math.sqrt(RADIUS**3 / units.EARTH_GM_M3_S2), rel=1e-9)
 
 
