@@ -9,9 +9,10 @@ import numpy as np
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.rays.contour_images import GAUSSIAN_REACH, cut_contours, image_contours
+from rso_lidar.optics.rays.line_rays import CONTOUR, LINE, PAIR, TEXTURE, place_rays
 from rso_lidar.optics.rays.outlines import cover_pixels, image_bounds, image_outlines
 from rso_lidar.optics.rays.probes import count_probes, distrust_fronts, find_unexpected, image_fronts, place_probes
-from rso_lidar.optics.rays.slabs import CONTOUR, LINE, NOISE_SHARE, PAIR, TEXTURE, place_rays
+from rso_lidar.optics.rays.slabs import NOISE_SHARE
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
 
@@ -113,7 +114,7 @@ class ScanLines:
         return Rays(self._receiver.shape, direction.T, pixel, weight, side)
 
     def _place(self, sides: np.ndarray, allowed: np.ndarray, narrow: float) -> None:
-        """Place the rays of some pixels of the window; the parameters are those of `slabs.place_rays`."""
+        """Place the rays of some pixels of the window; the parameters are those of `line_rays.place_rays`."""
         error, (rows, cols) = self._receiver.sampling_error, self._window
         point, pixel, weight, side, kind, change, known = place_rays(
             *self._pieces,
@@ -231,7 +232,7 @@ def correct_variance(
 
     Parameters
     ----------
-    pixel, weight, kind, change : (ray) as `slabs.place_rays` returns them
+    pixel, weight, kind, change : (ray) as `line_rays.place_rays` returns them
     light : (ray) photons of a whole pixel that is as bright as the ray's hit
     is_unexpected : (ray) whether it meets what should be hidden
     variance : (pixel), changed

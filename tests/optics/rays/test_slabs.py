@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rso_lidar.optics.rays import scan_lines, slabs
+from rso_lidar.optics.rays import line_rays, scan_lines, slabs
 from rso_lidar.optics.rays.contour_images import cut_contours
 from tests.reference.optics import scan_lines as oracle
 
@@ -82,7 +82,7 @@ def test_lines_cross_the_contours_that_they_meet(seed):
     row = (np.arange(9.0) + 0.4) / 9.0
     starts, filled, first = np.empty(10, np.int64), np.empty(9, np.int64), np.empty(len(pieces), np.int64)
     room = np.empty(1), np.empty(1, np.int64), (np.empty(1, np.int64), np.empty(1))  # too short, so that it grows
-    crossing, by, _ = slabs.cross_lines(pieces, 0, len(pieces), row, 9, starts, filled, first, *room)
+    crossing, by, _ = line_rays.cross_lines(pieces, 0, len(pieces), row, 9, starts, filled, first, *room)
     for line in range(9):
         columns, numbers = oracle.cross_line(pieces, row[line])
         np.testing.assert_allclose(crossing[starts[line] : starts[line + 1]], columns, rtol=0, atol=1e-12)
@@ -95,9 +95,9 @@ def expect(pieces, steps, row):
     row, lines = np.asarray(row), len(row)
     starts, filled, first = np.empty(lines + 1, np.int64), np.empty(lines, np.int64), np.empty(len(pieces), np.int64)
     room = np.empty(1), np.empty(1, np.int64), (np.empty(1, np.int64), np.empty(1))
-    slabs.cross_lines(pieces, 0, len(pieces), row, lines, starts, filled, first, *room)
+    line_rays.cross_lines(pieces, 0, len(pieces), row, lines, starts, filled, first, *room)
     expected, greatest = np.empty(lines), np.empty(lines)
-    slabs.expect_changes(pieces, steps, 0, len(pieces), row, lines, first, expected, greatest)
+    line_rays.expect_changes(pieces, steps, 0, len(pieces), row, lines, first, expected, greatest)
     return expected
 
 
@@ -116,7 +116,11 @@ def test_the_mean_light_of_lines_changes_as_expected_unless_contours_may_cancel(
     row = [0.25, 0.5, 1.0]
     step = [0.0, 3.0 * 0.6 * 0.25, 3.0 * 0.6 * 0.5]  # dark to the left of the edge, 3 photons to the right
     np.testing.assert_allclose(expect(np.array([edge]), np.array([3.0]), row), step)
-    assert expect(np.array([edge, other]), np.array([3.0, 3.0]), row).tolist() == [0.0, slabs.UNKNOWN, slabs.UNKNOWN]
+    assert expect(np.array([edge, other]), np.array([3.0, 3.0]), row).tolist() == [
+        0.0,
+        line_rays.UNKNOWN,
+        line_rays.UNKNOWN,
+    ]
     both = expect(np.array([edge, weak]), np.array([3.0, 0.5]), row)
     np.testing.assert_allclose(both, np.hypot(step, [0.0, 0.5 * 0.5 * 0.25, 0.5 * 0.5 * 0.5]))
     assert expect(np.array([[0.2, 0.4, 0.9, 0.4, 0.0]]), np.array([2.0]), row)[1:] == pytest.approx([1.4, 0.0])
@@ -125,7 +129,7 @@ def test_the_mean_light_of_lines_changes_as_expected_unless_contours_may_cancel(
 def place(starts, pieces, steps, sides, narrow=0.0):
     """Return the rays of pixels that begin at row 3 and column 4 of 50, as `place_rays` does."""
     allowed = np.full(sides.shape, -1.0)
-    return slabs.place_rays(starts, pieces, steps, sides, 3, 4, 50, allowed, 0.2, narrow, 0.05, True)
+    return line_rays.place_rays(starts, pieces, steps, sides, 3, 4, 50, allowed, 0.2, narrow, 0.05, True)
 
 
 @pytest.mark.parametrize("narrow", [0.0, 0.06])
@@ -139,10 +143,10 @@ def test_rays_stand_in_the_intervals_between_contours(seed, contours, sides, nar
     point, pixel, weight, side, kind, change, variance = place(starts, pieces, steps, per_side, narrow)
     assert np.unique(pixel).tolist() == [154, 155, 156, 204, 206]  # but for the pixel in which nothing can be seen
     assert (np.diff(pixel) >= 0).all() and variance[1, 1] == 0.0
-    begins_interval = (kind == slabs.LINE) | (kind == slabs.CONTOUR)
-    assert (kind[~begins_interval] == (slabs.PAIR if sides == 2 else slabs.TEXTURE)).all()
+    begins_interval = (kind == line_rays.LINE) | (kind == line_rays.CONTOUR)
+    assert (kind[~begins_interval] == (line_rays.PAIR if sides == 2 else line_rays.TEXTURE)).all()
     assert (change[~begins_interval] == 0.0).all()
-    lines = [*np.flatnonzero(kind == slabs.LINE), len(pixel)]
+    lines = [*np.flatnonzero(kind == line_rays.LINE), len(pixel)]
     expected = np.zeros(shape)
     for a, b in pairwise(lines):
         row, col = pixel[a] // 50 - 3, pixel[a] % 50 - 4
@@ -181,7 +185,7 @@ def test_rays_stand_in_the_intervals_between_contours(seed, contours, sides, nar
         of = pixel == 50 * (3 + p // 3) + 4 + p % 3
         own = slice(starts[p], starts[p + 1])
         assert weight[of].sum() == pytest.approx(1.0, abs=1e-5)
-        first = of & (kind == slabs.LINE)
+        first = of & (kind == line_rays.LINE)
         if starts[p + 1] > starts[p] or sides <= 2:
             height = np.add.reduceat(weight, lines[:-1])[first[lines[:-1]]]
             row = point[1, first] - 3 - p // 3
@@ -201,7 +205,7 @@ def test_rays_stand_in_the_intervals_between_contours(seed, contours, sides, nar
 def test_four_rays_integrate_a_pixel_without_contours_to_the_first_degree():
     starts, pieces, steps = draw_pieces(0, 0)
     (x, y), _, weight, side, kind, change, _ = place(starts, pieces, steps, np.array([[2]]))
-    assert kind.tolist() == [slabs.LINE, slabs.PAIR] * 2 and not change.any()
+    assert kind.tolist() == [line_rays.LINE, line_rays.PAIR] * 2 and not change.any()
     np.testing.assert_allclose(side, 0.5)
     for degree in range(2):
         assert weight @ (x - 4.0) ** degree == pytest.approx(1.0 / (degree + 1))
@@ -212,7 +216,7 @@ def test_a_grid_has_one_ray_in_each_cell_and_no_two_lines_alike():
     starts, pieces, steps = draw_pieces(0, 0, (2, 2))
     (x, y), _, weight, side, kind, change, _ = place(starts, pieces, steps, np.full((2, 2), 5))
     assert (weight == 1.0 / 25.0).all() and not change.any()
-    assert (kind == np.tile([slabs.LINE] + [slabs.TEXTURE] * 4, 20)).all()
+    assert (kind == np.tile([line_rays.LINE] + [line_rays.TEXTURE] * 4, 20)).all()
     np.testing.assert_allclose(side, 0.2)
     assert len(set(zip(np.floor(5 * x), np.floor(5 * y), strict=True))) == len(x) == 100
     for at in (x, y):
@@ -224,7 +228,7 @@ def test_a_grid_has_one_ray_in_each_cell_and_no_two_lines_alike():
 def test_the_shift_of_a_pixel_does_not_depend_on_the_window():
     starts, pieces, steps = draw_pieces(0, 0, (2, 2))
     both, pixel, *_ = place(starts, pieces, steps, np.full((2, 2), 3))
-    alone, *_ = slabs.place_rays(
+    alone, *_ = line_rays.place_rays(
         starts[:2], pieces, steps, np.array([[3]]), 4, 5, 50, np.array([[-1.0]]), 0.2, 0.0, 0.05, True
     )
     np.testing.assert_array_equal(alone, both[:, pixel == 4 * 50 + 5])
@@ -234,16 +238,16 @@ def test_the_shift_of_a_pixel_does_not_depend_on_the_window():
 def test_contours_that_may_meet(gap, height):
     pieces = np.array([[0.1, 0.0, 0.9, 0.8, 1.0], [0.7, 0.1, 0.25, 1.0, -0.5]])
     steps = np.array([3.0, 2.0])
-    got = slabs.estimate_meeting(pieces, steps, 0, 1, gap, 0.55, height)
+    got = line_rays.estimate_meeting(pieces, steps, 0, 1, gap, 0.55, height)
     assert got == pytest.approx(oracle.estimate_meeting(pieces, steps, gap, 0.55, height), rel=1e-6, abs=1e-15)
     assert (got > 0.0) == (1.5 * min(0.5 * height, 0.45) > gap)
 
 
-KINDS = {"line": slabs.LINE, "contour": slabs.CONTOUR, "pair": slabs.PAIR, "texture": slabs.TEXTURE}
+KINDS = {"line": line_rays.LINE, "contour": line_rays.CONTOUR, "pair": line_rays.PAIR, "texture": line_rays.TEXTURE}
 PIXELS = {  # how rays follow each other, and the change of light that is expected
     2: [("line", 0.0), ("pair", 0.0), ("line", 0.0), ("pair", 0.0)],
-    3: [("line", 0.0), ("contour", 2.0), ("line", slabs.UNKNOWN), ("contour", 1.0), ("contour", 1.5)],
-    5: [("line", 0.0), ("contour", 2.0), ("line", 1.3), ("contour", 1.0), ("line", slabs.UNKNOWN), ("line", 2.5)],
+    3: [("line", 0.0), ("contour", 2.0), ("line", line_rays.UNKNOWN), ("contour", 1.0), ("contour", 1.5)],
+    5: [("line", 0.0), ("contour", 2.0), ("line", 1.3), ("contour", 1.0), ("line", line_rays.UNKNOWN), ("line", 2.5)],
     6: [("line", 0.0), *[("texture", 0.0)] * 2, ("line", 0.0), ("texture", 0.0), ("contour", 0.7), ("line", 0.4)],
     7: [("line", 0.0), ("contour", 3.0), ("contour", 0.5)],
     8: [("line", 0.0), ("line", 1e-2)],

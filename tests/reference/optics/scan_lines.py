@@ -1,7 +1,7 @@
 """Line sampling in plain loops: pieces of contours, slabs, crossings, rays and variances, one by one.
 
 The oracle of `rso_lidar.optics.rays.contour_images`, `rso_lidar.optics.rays.scan_lines`, `rso_lidar.optics.rays.slabs` and
-`rso_lidar.optics.rays.slabs.place_rays`. `touches` is, pixel by pixel, the oracle of
+`rso_lidar.optics.rays.line_rays.place_rays`. `touches` is, pixel by pixel, the oracle of
 `rso_lidar.optics.rays.outlines.cover_pixels`.
 """
 
