@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         DescribedDetector,
         advise,
         array_load,
+        check_maps,
         check_noise,
         check_size,
         describe,
@@ -75,12 +76,14 @@ if TYPE_CHECKING:
     from rso_lidar.detector.settings.trigger import Trigger
     from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
     from rso_lidar.detector.stages.avalanche import multiply_rows
+    from rso_lidar.detector.stages.pixel_maps import MAPS_SUFFIX, PixelMaps, read_pixel_maps
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
     "CURVE_QUANTITIES",
     "DETECTOR_PRESETS",
+    "MAPS_SUFFIX",
     "SIGNAL_OVER_THRESHOLD",
     "SOLVED_CONSTANTS",
     "Amplifier",
@@ -110,6 +113,7 @@ __all__ = [
     "LowGain",
     "Maps",
     "MeasuredCurve",
+    "PixelMaps",
     "Prediction",
     "Pulse",
     "Ranging",
@@ -126,6 +130,7 @@ __all__ = [
     "advise",
     "array_load",
     "at_least",
+    "check_maps",
     "check_noise",
     "check_size",
     "check_traits",
@@ -158,6 +163,7 @@ __all__ = [
     "place_plate_m",
     "predict",
     "predict_pixels",
+    "read_pixel_maps",
     "report_probability",
     "run_trial",
     "simulate_light_curve",

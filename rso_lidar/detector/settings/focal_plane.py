@@ -4,7 +4,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from rso_lidar.part import Flag, Fraction, NotNegative, Number, Part, Positive
+from rso_lidar.part import Flag, Fraction, NotNegative, Number, Part, Positive, Text
 
 
 class Timing(Part):
@@ -31,7 +31,18 @@ class Maps(Part):
 
     Uncalibrated cameras have 5-15 %, a few counts and 0.3-1 ns. With `calibrated` the reading is corrected by maps measured
     beforehand. The correction leaves `residual_fraction` of each pixel's deviation. All figures are assumed.
+
+    `file` names the measured maps of one camera, as `rso-lidar camera fit` writes them (docs/camera_fit.md). The maps that
+    it holds take the place of drawn ones, those of thresholds and dead pixels included.
     """
+
+    file: Text | None = Field(
+        default=None,
+        description=(
+            "Path of the measured maps of one camera (.npz), for an array of as many rows and columns. What it does not "
+            "hold is drawn. If omitted, all maps are drawn."
+        ),
+    )
 
     gain_spread_fraction: Annotated[Number, Field(ge=0.0, le=0.3)] = Field(
         default=0.10, description="Spread of the gain from pixel to pixel, 1 sigma over the mean; assumed."

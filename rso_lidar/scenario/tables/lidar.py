@@ -14,6 +14,7 @@ from rso_lidar.detector import (
     Gsfl,
     LaserPulse,
     ThresholdCondition,
+    check_maps,
     check_noise,
     check_size,
     check_traits,
@@ -287,3 +288,4 @@ def check_instrument(lidar: Lidar) -> None:
     for receiver in lenses:
         read_files(lidar.laser, receiver)
     check_size(lidar.detector, lidar.laser.pulse_fwhm_s, lidar.receiver.n_rows * lidar.receiver.n_cols)
+    check_maps(lidar.detector, (lidar.receiver.n_rows, lidar.receiver.n_cols))
