@@ -7,8 +7,8 @@ for each kind, whose members are these functions.
 - `detect` makes a reading of the light of one flash; `detect_with_taps` also returns the signals between the stages.
 - ``detector.traits`` holds the facts: reach, threshold, number of returns, gate, settings in force (`DetectorTraits`).
   A gated detector has ``with_gate_delay(delay_ns)`` as well.
-- `check_noise`, `check_size`, `check_maps`, `describe`, `advise`, `describe_window`, `describe_storage` and `list_neglected_effects` serve
-  the checks and the texts of a scenario.
+- `check_noise`, `check_size`, `check_maps`, `describe`, `advise`, `describe_window`, `describe_storage` and
+  `list_neglected_effects` serve the checks and the texts of a scenario.
 - `false_alarm_probability`, `detection_probability`, `predict_closed_form`, `report_probability` and `noise_growth` are
   closed forms. `prediction.predict` runs a trial of pixels for a detector without one.
 - `isolate`, `array_load`, `draw_crosstalk_m` and `frame_jitter_s` separate pixels from their array, for `trial.run_trial`.

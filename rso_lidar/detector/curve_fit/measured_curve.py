@@ -119,6 +119,18 @@ def simulate_levels(
     return LevelStatistics(*np.concatenate(rows, axis=1))
 
 
+def summarise_reports(detected: np.ndarray, range_error_m: np.ndarray, intensity_counts: np.ndarray) -> LevelStatistics:
+    """Return the statistics of the reports of equal pixels, as one level.
+
+    Parameters
+    ----------
+    detected, range_error_m, intensity_counts : (pixel) whether each reports the plate, and its report
+    """
+    level = np.zeros(int(detected.sum()), np.int64)
+    rows = [_summarise(level, values[detected].astype(float), 1) for values in (range_error_m, intensity_counts)]
+    return LevelStatistics(*np.vstack([[detected.mean()], *rows]))
+
+
 def _summarise(level: np.ndarray, values: np.ndarray, n: int) -> np.ndarray:
     """Return mean, standard deviation and kurtosis (3, level) of values by level without outliers, NaN of few."""
     rows = np.full((3, n), np.nan)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -63,7 +64,7 @@ class PixelMaps:
         if known.sum() < 2:
             return 0.0
         variance = float(self.maps[name][known].var() - (self.errors[name][known] ** 2).mean())
-        return max(variance, 0.0) ** 0.5
+        return math.sqrt(max(variance, 0.0))
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the maps as NPZ; the same maps give the same bytes.
