@@ -408,5 +408,7 @@ def _list_pixels(measured: MeasuredMap, known: np.ndarray) -> MeasuredCurve:
     if measured.quantity == "detection_rate":
         value = value / trials
     n = len(value)
-    columns = (np.full(n, number) for number in (measured.range_m, np.nan, measured.systematic))
-    return MeasuredCurve(measured.name, measured.quantity, np.full(n, measured.photons), value, trials, *columns)
+    photons, range_m, threshold, systematic = (
+        np.full(n, number) for number in (measured.photons, measured.range_m, np.nan, measured.systematic)
+    )
+    return MeasuredCurve(measured.name, measured.quantity, photons, value, trials, range_m, threshold, systematic)

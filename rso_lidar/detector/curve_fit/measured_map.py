@@ -51,12 +51,13 @@ class MeasuredMap:
     def pool(self) -> MeasuredCurve:
         """Return the map as a curve of one point: that of all its pixels together."""
         known = np.isfinite(self.value)
-        trials = float(self.trials[known].sum())
+        number = float(self.trials[known].sum())
         if self.quantity == "detection_rate":
-            value = float(self.value[known].sum()) / trials
+            value = float(self.value[known].sum()) / number
         else:
             value = float(np.median(self.value[known]))
         if self.quantity == "dark_counts":  # of most pixels: a few hot ones hold most of the sum
             value *= int(known.sum())
-        columns = [self.photons, value, trials, self.range_m, np.nan, self.systematic]
-        return MeasuredCurve(self.name, self.quantity, *(np.array([column]) for column in columns))
+        columns = [self.photons, value, number, self.range_m, np.nan, self.systematic]
+        photons, values, trials, range_m, threshold, systematic = np.array(columns)[:, None]
+        return MeasuredCurve(self.name, self.quantity, photons, values, trials, range_m, threshold, systematic)

@@ -31,6 +31,8 @@ def check_scale(predictor: CurvePredictor, detector: AnyDetector, curve: Measure
     ScenarioError
         With the factor, and the power of ten that it is near to.
     """
+    if curve.quantity == "noise_correlation":  # a share, of any sign, which has no unit
+        return
     if curve.quantity in ("range_mean", "walk"):
         values = curve.value - (np.median(curve.value) if curve.quantity == "walk" else 0.0)
         worst = int(np.argmax(np.abs(values)))
