@@ -161,8 +161,8 @@ def fit_maps(detector: Gsfl, pulse: LaserPulse, maps: Sequence[MeasuredMap], nam
                 values[name], errors[name] = value, solved.error[k]
         if all(is_free) and float(np.nanmedian(solved.error[0])) > _UNRESOLVED_GAIN:
             raise ScenarioError(
-                "maps: gain and offset cannot be told apart by counts at nearly equal light; add a map at other photons, or "
-                "leave one out"
+                "pixel_constants: gain and offset cannot be told apart by counts at nearly equal light; add a map at other "
+                "photons, or leave one out"
             )
     ranges = [k for k, measured in enumerate(maps) if measured.quantity == "range_mean"]
     if ranges:
@@ -186,22 +186,22 @@ def fit_maps(detector: Gsfl, pulse: LaserPulse, maps: Sequence[MeasuredMap], nam
 def _check_names(maps: Sequence[MeasuredMap], names: Sequence[str]) -> None:
     """Refuse constants that the maps do not tell, and maps that tell none of the constants."""
     if not names:
-        raise ScenarioError("maps: none is named; name some of gain, offset, t0 and threshold")
+        raise ScenarioError("pixel_constants: none is named; name some of gain, offset, t0 and threshold")
     quantities = [measured.quantity for measured in maps]
     for name in names:
         if not set(_TOLD_BY[name]) & set(quantities):
             needs = " or ".join(_TOLD_BY[name])
-            raise ScenarioError(f"maps: nothing tells the {name} of a pixel; add a map of {needs}, or leave it out")
+            raise ScenarioError(
+                f"pixel_constants: nothing tells the {name} of a pixel; add a map of {needs}, or leave it out"
+            )
     if {"gain", "offset"} <= set(names) and quantities.count("counts_mean") < 2:
         raise ScenarioError(
-            "maps: gain and offset cannot be told apart by one map of counts_mean; add one at other photons"
+            "pixel_constants: gain and offset cannot be told apart by one map of counts_mean; add one at other photons"
         )
     for measured in maps:
         if not [name for name in names if measured.quantity in _TOLD_BY[name]]:
             wanted = " or ".join(name for name, told_by in _TOLD_BY.items() if measured.quantity in told_by)
-            raise ScenarioError(
-                f"{measured.name}: tells {wanted}, which maps does not name; add it, or leave the map out"
-            )
+            raise ScenarioError(f"{measured.name}: tells {wanted}, which is not named; add it, or leave the map out")
     if len(shapes := {measured.value.shape for measured in maps}) > 1:
         first, other = sorted(shapes)[:2]
         raise ScenarioError(f"map: some are of {first} and some of {other} pixels; give maps of one array")

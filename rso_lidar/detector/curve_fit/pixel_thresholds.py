@@ -79,7 +79,7 @@ def fit_thresholds(
     factor[hot], error[hot] = 1.0, np.nan
     if not np.isfinite(error).any():
         raise ScenarioError(
-            "maps: these rates tell the threshold of no pixel; give light near the threshold, or longer dark counts"
+            "pixel_constants: these rates tell no threshold; give light near the threshold, or longer dark counts"
         )
     current = np.full(len(factor), nominal.apd.dark_current_na)
     current_error = np.full(len(factor), np.nan)

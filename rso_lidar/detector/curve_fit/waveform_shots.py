@@ -147,8 +147,8 @@ def _reduce_light(
     touched = int((samples >= top - 0.5).any(axis=1).sum())
     if touched > max(_CLIPPED_SHARE * len(samples), 3.0):
         raise ScenarioError(
-            f"{shots.name}: {touched} of {len(samples)} shots of {shots.photons:.4g} photons reach {top:.0f} counts, where some "
-            "are clipped and some are not; leave this level out, or give a brighter one for the clip level"
+            f"{shots.name}: {touched} of {len(samples)} shots of {shots.photons:.4g} photons reach {top:.0f} counts: some "
+            "are clipped and others not; leave this level out, or give a brighter one for the clip level"
         )
     signal = samples - baseline
     n, sample_ns = len(signal), shots.sample_s / units.NS
@@ -173,7 +173,7 @@ def _reduce_light(
     if peak < _LEAST_SNR * max(noise, _ROUNDING_COUNTS):
         return curves, []
     bandwidth, width_s, width_error_s = _fit_width(signal, shots.sample_s, detector, pulse)
-    # The free delay takes the scatter of the middle of the arrivals: a share 1/n of their variance, n their effective number.
+    # The free delay takes the scatter of the middle of the arrivals, a share 1/n of their variance: n effective arrivals.
     narrowed_s = 0.5 * variance / float(area.mean()) ** 2 * width_s
     error_s = float(np.hypot(width_error_s, 0.5 * narrowed_s))
     curves.append(_point(shots, "pulse_width", width_s + narrowed_s, error_s))

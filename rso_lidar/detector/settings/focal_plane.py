@@ -33,7 +33,7 @@ class Maps(Part):
     beforehand. The correction leaves `residual_fraction` of each pixel's deviation. All figures are assumed.
 
     `file` names the measured maps of one camera, as `rso-lidar camera fit` writes them (docs/camera_fit.md). The maps that
-    it holds take the place of drawn ones, those of thresholds and dead pixels included.
+    it holds take the place of drawn ones, that of thresholds included. Its dead and hot pixels take the place of `Defects`.
     """
 
     file: Text | None = Field(

@@ -45,6 +45,9 @@ def draw_pixels(
     threshold, gain, offset, t0 = (rng.standard_normal(n_pixels) for rng in drawn[:4])
     chance = drawn[4].random(n_pixels)
     none = np.zeros(n_pixels)
+    measured = None if maps is None or maps.file is None else read_pixel_maps(maps.file)
+    if measured is not None:
+        defects = None  # those of the file count
     dead = defects.dead_fraction if defects else 0.0
     hot = defects.hot_fraction if defects else 0.0
     is_hot = (chance >= dead) & (chance < dead + hot)
@@ -60,6 +63,4 @@ def draw_pixels(
         hot=is_hot,
         dark_per_s=dark_per_s,
     )
-    if maps is None or maps.file is None:
-        return pixels
-    return replace(pixels, **read_pixel_maps(maps.file).replace_drawn(n_pixels))
+    return pixels if measured is None else replace(pixels, **measured.replace_drawn(n_pixels))

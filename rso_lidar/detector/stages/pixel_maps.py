@@ -67,7 +67,7 @@ class PixelMaps:
         return math.sqrt(max(variance, 0.0))
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write the maps as NPZ; the same maps give the same bytes.
+        """Write the maps as NPZ.
 
         Parameters
         ----------
@@ -84,13 +84,18 @@ class PixelMaps:
             If the file exists already, or may not be written.
         """
         place = check_writable(path, (MAPS_SUFFIX,), overwrite=overwrite)
+        content = self.to_bytes()
+        with write_atomically(place) as draft:
+            draft.write_bytes(content)
+        return place
+
+    def to_bytes(self) -> bytes:
+        """Return the content of the file; the same maps give the same bytes."""
         arrays = dict(self.maps) | {f"{name}{_ERROR}": error for name, error in self.errors.items()}
         arrays |= {"dead": self.dead, "hot": self.hot, _PROVENANCE: np.array(self.provenance)}
         content = io.BytesIO()
         np.savez_compressed(content, **arrays)  # type: ignore[arg-type]
-        with write_atomically(place) as draft:
-            draft.write_bytes(content.getvalue())
-        return place
+        return content.getvalue()
 
     def replace_drawn(self, n_pixels: int) -> dict[str, np.ndarray]:
         """Return the arrays (pixel) that take the place of drawn ones, by the names of `CameraPixels`.

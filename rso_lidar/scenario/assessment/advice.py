@@ -79,7 +79,7 @@ def _advise_on_calibration(mission: Mission) -> list[str]:
     if calibration is None:
         return []
     lines = []
-    if changed := calibration.list_overridden(mission.lidar.detector):
+    if changed := calibration.list_overridden(mission.instrument.detector):
         names = ", ".join(f"lidar.detector.{name}" for name in changed)
         lines.append(
             f"{names} {'is' if len(changed) == 1 else 'are'} not as the calibration '{calibration.name}' has it; leave it "

@@ -63,7 +63,7 @@ def _place_files(tables: dict[str, Any], named: Path, folder: Path) -> dict[str,
     named : folder of the preset as the scenario names it
     folder : the same as it was found
     """
-    result = {}
+    result: dict[str, Any] = {}
     for key, value in tables.items():
         if isinstance(value, dict):
             result[key] = _place_files(value, named, folder)

@@ -33,7 +33,11 @@ def measure_maps(camera, pulse, shape, levels, flashes, seed, quantities=("count
     maps = []
     for k, photons in enumerate(levels):
         frames = dict(
-            zip(("counts_mean", "range_mean"), take_frames(camera, pulse, shape, photons, flashes, seed + k), strict=True)
+            zip(
+                ("counts_mean", "range_mean"),
+                take_frames(camera, pulse, shape, photons, flashes, seed + k),
+                strict=True,
+            )
         )
         for quantity in quantities:
             maps.append(make_mean(f"{quantity} at {photons:g}", quantity, photons, frames[quantity]))
@@ -60,7 +64,14 @@ def measure_rates(camera, pulse, shape, levels, flashes, seed):
         hits = np.isfinite(error_m).sum(axis=0).astype(float)
         maps.append(
             MeasuredMap(
-                f"detections at {photons:g}", "detection_rate", photons, hits, np.full(shape, float(flashes)), np.nan, FROM_M, 0.0
+                f"detections at {photons:g}",
+                "detection_rate",
+                photons,
+                hits,
+                np.full(shape, float(flashes)),
+                np.nan,
+                FROM_M,
+                0.0,
             )
         )
     return maps
