@@ -2,7 +2,7 @@
 
 A pixel is the nominal one but for a few constants of its own. Means of counts and of range are linear in gain, offset and
 time origin, with slopes by trials. Thresholds follow from rates by likelihood. What all pixels have in common at a level
-of light is not told by maps: gains and offsets are relative to their mean, and so are time origins.
+of light is not told by maps: all constants are relative to their mean.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.curve_fit.curve_prediction import CurvePredictor, CurveReference
-from rso_lidar.detector.curve_fit.likelihood import count_informative, find_residuals
+from rso_lidar.detector.curve_fit.curve_prediction import CurvePredictor
 from rso_lidar.detector.curve_fit.measured_curve import MeasuredCurve
 from rso_lidar.detector.curve_fit.measured_map import MeasuredMap, PixelConstant
 from rso_lidar.detector.curve_fit.pixel_response import PixelResponse, simulate_response
@@ -28,6 +27,7 @@ _REJECTED_BELOW = 1e-3  # probability of a worse fit, as for curves
 _MOST_DEAD = 0.5  # of the array: more are a wrong file, not dead pixels
 _LEAST_DETECTED = 0.99  # of flashes: at less light the noise selects the reports
 _UNRESOLVED_GAIN = 0.5  # median standard error of the gain from which gain and offset cannot be told apart
+_FEWEST_EVENTS = 0.1  # variance of a number of events, below which it is not compared
 _ROUNDS = 6  # of means and pixels in turn; with equal weights one is enough
 _M_PER_NS = units.NS * units.RANGE_PER_DELAY_M_S
 _TOLD_BY: dict[str, tuple[str, ...]] = {
@@ -174,7 +174,8 @@ def fit_maps(detector: Gsfl, pulse: LaserPulse, maps: Sequence[MeasuredMap], nam
     rates = [k for k, measured in enumerate(maps) if measured.quantity in ("detection_rate", "dark_counts")]
     hot = np.zeros(shape, bool)
     if rates:
-        told = fit_thresholds(nominal, predictor, [maps[k] for k in rates], ~dead, gain)
+        gain_error = float(np.nanmedian(errors["gain_factor"])) if "gain_factor" in errors else 0.0
+        told = fit_thresholds(nominal, predictor, [maps[k] for k in rates], ~dead, gain, gain_error)
         values["threshold_factor"], errors["threshold_factor"], hot = told.factor, told.error, told.hot
         if hot.any():
             values["dark_current_na"], errors["dark_current_na"] = told.dark_current_na, told.dark_current_error_na
@@ -359,18 +360,17 @@ def _judge(
     predictor: CurvePredictor,
 ) -> tuple[MapGroup, ...]:
     """Return the maps beside their fit, in groups that tell the same constants."""
-    from scipy.stats import chi2
-
     groups = []
     for quantities in dict.fromkeys(_TOLD_BY.values()):
-        tables, points = [], 0.0
+        tables, points, variance = [], 0, 0.0
         for k, measured in enumerate(maps):
             if measured.quantity not in quantities:
                 continue
             known = ~dead & np.isfinite(measured.value) & np.isfinite(expected[k])
             residuals = np.full(dead.shape, np.nan)
-            residuals[known], more = _find_pixel_residuals(measured, known, expected[k][known], responses.get(k))
-            points += more
+            residuals[known], scatter = _find_pixel_residuals(measured, known, expected[k][known], responses.get(k))
+            points += int(np.isfinite(residuals).sum())
+            variance += float(np.nansum(scatter))
             simulated, value = float(predictor.predict(nominal, pooled[k])[0]), float(pooled[k].value[0])
             is_range = measured.quantity == "range_mean"
             over = value - simulated if is_range else value / max(simulated, 1e-300)
@@ -378,37 +378,48 @@ def _judge(
         if not tables:
             continue
         own = [error for name, error in errors.items() if _TOLD_BY.get(name.split("_")[0]) == quantities]
-        spent = sum(int(np.isfinite(error).sum()) for error in own)
-        if quantities != _TOLD_BY["threshold"]:
-            spent += len(tables) - len(own)  # a mean of each map, while the constants have mean zero
-        freedom = max(points - spent, 0.0)
-        total = sum(table.chi2 for table in tables)
-        groups.append(MapGroup(tuple(tables), freedom, float(chi2.sf(total, freedom)) if freedom >= 1.0 else 1.0))
+        # Each map has a mean or a shift of its own, while the mean of each constant is given.
+        spent = sum(int(np.isfinite(error).sum()) for error in own) + len(tables) - len(own)
+        freedom = float(max(points - spent, 0))
+        p_value = _find_p_value(sum(table.chi2 for table in tables), freedom, variance / points) if freedom else 1.0
+        groups.append(MapGroup(tuple(tables), freedom, p_value))
     return tuple(groups)
 
 
 def _find_pixel_residuals(
     measured: MeasuredMap, known: np.ndarray, expected: np.ndarray, response: PixelResponse | None
-) -> tuple[np.ndarray, float]:
-    """Return the residuals of the known pixels of a map (pixel), and how many points they count as."""
-    scatter = measured.scatter
-    if not np.isfinite(scatter) and response is not None:
-        scatter = response.counts_scatter if measured.quantity == "counts_mean" else response.range_scatter_m
-    curve = _list_pixels(measured, known)
-    if measured.quantity == "detection_rate":
-        expected = np.clip(expected, 1e-9, 1.0 - 1e-9)
-    same = np.ones(len(expected))
-    reference = CurveReference(0.0 * same, 0.0 * same, scatter * same, 3.0 * same, np.inf)
-    return find_residuals(curve, expected, reference), count_informative(curve, expected)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residuals of the known pixels of a map (pixel), and the variances of their squares.
 
-
-def _list_pixels(measured: MeasuredMap, known: np.ndarray) -> MeasuredCurve:
-    """Return some pixels of a map as the points of a curve."""
+    A square of a residual of a rate is Pearson's: its mean is 1 also for few events, which is not so of a deviance. Its
+    variance is 2 and the excess of the fourth moment of the binomial or of Poisson's law. Pixels with next to no events
+    have no residual.
+    """
     value, trials = measured.value[known], measured.trials[known]
     if measured.quantity == "detection_rate":
-        value = value / trials
-    n = len(value)
-    photons, range_m, threshold, systematic = (
-        np.full(n, number) for number in (measured.photons, measured.range_m, np.nan, measured.systematic)
-    )
-    return MeasuredCurve(measured.name, measured.quantity, photons, value, trials, range_m, threshold, systematic)
+        rate = np.clip(expected, 1e-12, 1.0 - 1e-12)
+        own = trials * rate * (1.0 - rate)
+        excess, beside = (1.0 - 6.0 * rate * (1.0 - rate)) / own, value - trials * rate
+        more = (trials * measured.systematic) ** 2
+    elif measured.quantity == "dark_counts":
+        own = np.maximum(expected, 1e-12)
+        excess, beside, more = 1.0 / own, value - own, measured.systematic**2
+    else:
+        scatter = measured.scatter
+        if not np.isfinite(scatter) and response is not None:
+            scatter = response.counts_scatter if measured.quantity == "counts_mean" else response.range_scatter_m
+        own, more = scatter**2 / trials, measured.systematic**2
+        excess, beside = np.zeros(len(value)), value - expected
+    enough = (own >= _FEWEST_EVENTS) | measured.quantity.endswith("mean")
+    return np.where(enough, beside / np.sqrt(own + more), np.nan), np.where(enough, 2.0 + excess, np.nan)
+
+
+def _find_p_value(chi2_sum: float, freedom: float, variance: float) -> float:
+    """Return the probability of a greater sum of squares, each of variance `variance` in place of 2.
+
+    The law of the sum is that of a chi-square of the same mean and variance, times a factor (Satterthwaite 1946).
+    """
+    from scipy.stats import chi2
+
+    factor = 0.5 * variance
+    return float(chi2.sf(chi2_sum / factor, freedom / factor))

@@ -25,6 +25,9 @@ _HOT_SIGMAS = 3.0  # by which its threshold is taken to be lower than detections
 _SPREADS = 5.0  # and the most that it is below the others, in spreads of thresholds
 _DARK_CURRENTS = np.geomspace(1.0, 1e5, 200)  # over the nominal one, among which that of a hot pixel is found
 _LEAST_SPREAD = 0.02  # of thresholds
+_SHIFTS = np.linspace(-0.2, 0.2, 41)  # of the logarithm of all thresholds, among which that of a map is found
+_ROUNDS = 4  # of thresholds and shifts in turn
+_MOVE_SIGMAS = 4.0  # of the gain, up to which it moves
 _RARE = 1e-9
 _LEAST_BITS = 25.0  # variance of the number of detections in a trial from which its rate corrects the closed form
 
@@ -52,12 +55,18 @@ class PixelThresholds:
 
 
 def fit_thresholds(
-    nominal: Gsfl, predictor: CurvePredictor, maps: Sequence[MeasuredMap], live: np.ndarray, gain: np.ndarray
+    nominal: Gsfl,
+    predictor: CurvePredictor,
+    maps: Sequence[MeasuredMap],
+    live: np.ndarray,
+    gain: np.ndarray,
+    gain_error: float,
 ) -> PixelThresholds:
     """Fit the threshold of each pixel by likelihood: binomial for detections, Poisson's for dark counts.
 
-    Where both were measured, a pixel whose dark counts no usual threshold explains is hot, and its dark current follows
-    from them.
+    The mean threshold is the nominal one. Each map has a free shift that is common to all pixels: otherwise an error of the
+    photons, or of the noise, would count as a misfit of every pixel. Where both were measured, a pixel whose dark counts no
+    usual threshold explains is hot, and its dark current follows from them.
 
     Parameters
     ----------
@@ -66,20 +75,29 @@ def fit_thresholds(
     maps : of detection rates and dark counts
     live : (row, col) pixels that are fitted
     gain : (row, col) gain factors, by which signals are larger
+    gain_error : their standard error, by which gains are free where dark counts tell the thresholds too
     """
     light = [measured for measured in maps if measured.quantity == "detection_rate"]
     dark = [measured for measured in maps if measured.quantity == "dark_counts"]
     detection = _Detection(nominal, predictor, light, gain[live])
-    by_light = _sum_light(detection, light, live)
-    by_dark = _sum_dark(nominal, dark, live)
+    shifts = np.zeros(len(light)), np.zeros(len(dark))
     hot = np.zeros(int(live.sum()), bool)
-    if light and dark:
-        hot = _find_hot(nominal, dark, live, *_find_peaks(by_light))
-    factor, error = _find_peaks(by_light + by_dark)
-    factor[hot], error[hot] = 1.0, np.nan
-    if not np.isfinite(error).any():
-        raise ScenarioError(
-            "pixel_constants: these rates tell no threshold; give light near the threshold, or longer dark counts"
+    for _ in range(_ROUNDS):
+        by_light, by_dark = _sum_light(detection, light, live, shifts[0]), _sum_dark(nominal, dark, live, shifts[1])
+        if light and dark:
+            hot = _find_hot(nominal, dark, live, *_find_peaks(by_light), shifts[1])
+        factor, error = _find_peaks(_free_gain(by_light, gain_error) + by_dark)
+        factor[hot], error[hot] = 1.0, np.nan
+        known = np.isfinite(error)
+        if not known.any():
+            raise ScenarioError(
+                "pixel_constants: these rates tell no threshold; give light near the threshold, or longer dark counts"
+            )
+        mean = float(factor[known].mean())
+        factor[known], error[known] = factor[known] / mean, error[known] / mean
+        shifts = (
+            np.array([_find_shift(detection, k, measured, live, factor, known) for k, measured in enumerate(light)]),
+            np.array([_find_dark_shift(nominal, measured, live, factor, known) for measured in dark]),
         )
     current = np.full(len(factor), nominal.apd.dark_current_na)
     current_error = np.full(len(factor), np.nan)
@@ -92,14 +110,16 @@ def fit_thresholds(
         plane[live] = values
         return plane
 
-    rates = {id(measured): detection.rate(k, np.log(factor)[:, None])[:, 0] for k, measured in enumerate(light)}
-    in_dark = _rate(nominal, factor, current)
-    known = np.isfinite(error) | hot
     expected = []
     for measured in maps:
-        own = rates.get(id(measured), in_dark * measured.trials[live])
-        seen = np.isfinite(error) if measured.quantity == "detection_rate" else known
-        expected.append(fill_array(np.where(seen, own, np.nan), np.nan))
+        if measured.quantity == "detection_rate":
+            k = light.index(measured)
+            moved = _find_gain_moves(by_light, factor * mean, gain_error) if dark else 0.0
+            own = detection.rate(k, (np.log(factor) + shifts[0][k] - moved)[:, None])[:, 0]
+        else:
+            shifted = np.where(hot, 1.0, factor * np.exp(shifts[1][dark.index(measured)]))
+            own = np.where(hot, np.nan, _rate(nominal, shifted, nominal.apd.dark_current_na) * measured.trials[live])
+        expected.append(fill_array(np.where(known, own, np.nan), np.nan))
     return PixelThresholds(
         fill_array(factor, 1.0),
         fill_array(error, np.nan),
@@ -108,6 +128,45 @@ def fit_thresholds(
         fill_array(current_error, np.nan),
         expected,
     )
+
+
+def _list_moves(gain_error: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return moves of the gain in steps of the threshold factors, and the logarithm of their likelihood."""
+    step = float(_LOG_FACTOR[1] - _LOG_FACTOR[0])
+    most = min(int(np.ceil(_MOVE_SIGMAS * gain_error / step)), len(_LOG_FACTOR) // 4)
+    moves = np.arange(-most, most + 1)
+    return moves, -0.5 * (moves * step / max(gain_error, 1e-12)) ** 2
+
+
+def _free_gain(by_light: np.ndarray, gain_error: float) -> np.ndarray:
+    """Return the logarithm of the likelihood (pixel, factor) of detections at the most likely gain of each pixel."""
+    freed = np.full(by_light.shape, -np.inf)
+    columns = np.arange(len(_LOG_FACTOR))
+    for move, prior in zip(
+        *_list_moves(gain_error), strict=True
+    ):  # a gain that is higher by a step acts as a lower threshold
+        np.maximum(freed, by_light[:, np.clip(columns - move, 0, len(columns) - 1)] + prior, out=freed)
+    return freed
+
+
+def _find_gain_moves(by_light: np.ndarray, factor: np.ndarray, gain_error: float) -> np.ndarray:
+    """Return by how much the logarithm of the gain moves (pixel) at the fitted thresholds."""
+    step = float(_LOG_FACTOR[1] - _LOG_FACTOR[0])
+    at = np.interp(np.log(factor), _LOG_FACTOR, np.arange(len(_LOG_FACTOR)))
+    moves, prior = _list_moves(gain_error)
+    if len(moves) < 3:
+        return np.zeros(len(factor))
+    pixel = np.arange(len(factor))
+    place = np.clip(at[:, None] - moves, 0, len(_LOG_FACTOR) - 2)
+    low = place.astype(np.int64)
+    here, after = by_light[pixel[:, None], low], by_light[pixel[:, None], low + 1]
+    total = here + (place - low) * (after - here) + prior
+    best = np.clip(total.argmax(axis=1), 1, len(moves) - 2)
+    left, middle, right = (total[pixel, best + k] for k in (-1, 0, 1))
+    bend = left + right - 2.0 * middle
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = np.where(bend < 0.0, np.clip(0.5 * (left - right) / bend, -1.0, 1.0), 0.0)
+    return np.asarray(step * (moves[best] + shift))
 
 
 class _Detection:
@@ -163,27 +222,61 @@ def _predict_link(
     return to_link("detection_rate", rate)
 
 
-def _sum_light(detection: _Detection, maps: list[MeasuredMap], live: np.ndarray) -> np.ndarray:
+def _sum_light(detection: _Detection, maps: list[MeasuredMap], live: np.ndarray, shifts: np.ndarray) -> np.ndarray:
     """Return the logarithm of the likelihood (pixel, factor) of detections."""
     total = np.zeros((int(live.sum()), len(_LOG_FACTOR)))
     for level, measured in enumerate(maps):
         hits, trials = measured.value[live], measured.trials[live]
         for first in range(0, len(hits), _PIXELS_AT_ONCE):
             some = slice(first, first + _PIXELS_AT_ONCE)
-            rate = np.clip(detection.rate(level, _LOG_FACTOR[None], some), _RARE, 1.0 - _RARE)
+            rate = np.clip(detection.rate(level, _LOG_FACTOR[None] + shifts[level], some), _RARE, 1.0 - _RARE)
             missed = (trials - hits)[some, None]
             total[some] += hits[some, None] * np.log(rate) + missed * np.log1p(-rate)
     return total
 
 
-def _sum_dark(nominal: Gsfl, maps: list[MeasuredMap], live: np.ndarray) -> np.ndarray:
+def _sum_dark(nominal: Gsfl, maps: list[MeasuredMap], live: np.ndarray, shifts: np.ndarray) -> np.ndarray:
     """Return the logarithm of the likelihood (pixel, factor) of dark counts."""
     total = np.zeros((int(live.sum()), len(_LOG_FACTOR)))
-    rate = np.maximum(_rate(nominal, np.exp(_LOG_FACTOR), nominal.apd.dark_current_na), 1e-30)
-    for measured in maps:
+    for measured, shift in zip(maps, shifts, strict=True):
+        rate = np.maximum(_rate(nominal, np.exp(_LOG_FACTOR + shift), nominal.apd.dark_current_na), 1e-30)
         count, armed_s = measured.value[live], measured.trials[live]
         total += count[:, None] * np.log(armed_s[:, None] * rate) - armed_s[:, None] * rate
     return total
+
+
+def _find_shift(
+    detection: _Detection, level: int, measured: MeasuredMap, live: np.ndarray, factor: np.ndarray, known: np.ndarray
+) -> float:
+    """Return the shift of the logarithm of all thresholds at which a map of detections is most likely."""
+    hits, trials = measured.value[live][known], measured.trials[live][known]
+    total = np.zeros(len(_SHIFTS))
+    for k, shift in enumerate(_SHIFTS.tolist()):
+        rate = detection.rate(level, (np.log(factor) + shift)[:, None])[known, 0]
+        rate = np.clip(rate, _RARE, 1.0 - _RARE)
+        total[k] = (hits * np.log(rate) + (trials - hits) * np.log1p(-rate)).sum()
+    return _find_top(total)
+
+
+def _find_dark_shift(
+    nominal: Gsfl, measured: MeasuredMap, live: np.ndarray, factor: np.ndarray, known: np.ndarray
+) -> float:
+    """Return the shift of the logarithm of all thresholds at which a map of dark counts is most likely."""
+    count, armed_s = measured.value[live][known], measured.trials[live][known]
+    total = np.zeros(len(_SHIFTS))
+    for k, shift in enumerate(_SHIFTS.tolist()):
+        mean = np.maximum(_rate(nominal, factor[known] * np.exp(shift), nominal.apd.dark_current_na) * armed_s, 1e-30)
+        total[k] = (count * np.log(mean) - mean).sum()
+    return _find_top(total)
+
+
+def _find_top(total: np.ndarray) -> float:
+    """Return the shift of the greatest of some logarithms of likelihood, between them by a parabola."""
+    k = int(np.clip(total.argmax(), 1, len(total) - 2))
+    before, here, after = total[k - 1 : k + 2]
+    bend = before + after - 2.0 * here
+    step = float(_SHIFTS[1] - _SHIFTS[0])
+    return float(_SHIFTS[k] - step * np.clip(0.5 * (after - before) / bend, -1.0, 1.0)) if bend < 0.0 else 0.0
 
 
 def _rate(nominal: Gsfl, factor: np.ndarray, dark_current_na: float | np.ndarray) -> np.ndarray:
@@ -210,7 +303,12 @@ def _find_peaks(log_likelihood: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _find_hot(
-    nominal: Gsfl, maps: list[MeasuredMap], live: np.ndarray, factor: np.ndarray, error: np.ndarray
+    nominal: Gsfl,
+    maps: list[MeasuredMap],
+    live: np.ndarray,
+    factor: np.ndarray,
+    error: np.ndarray,
+    shifts: np.ndarray,
 ) -> np.ndarray:
     """Return which pixels trigger in the dark more often than any usual threshold explains.
 
@@ -221,7 +319,8 @@ def _find_hot(
     low, middle, high = np.nanquantile(np.where(np.isfinite(error), factor, np.nan), [0.25, 0.5, 0.75])
     spread = max(float(high - low) / 1.349, _LEAST_SPREAD)
     told = np.where(np.isfinite(error), factor - _HOT_SIGMAS * np.nan_to_num(error), 0.0)
-    rate = _rate(nominal, np.maximum(told, middle - _SPREADS * spread), nominal.apd.dark_current_na)
+    lowest = np.maximum(told, middle - _SPREADS * spread) * np.exp(shifts.mean())
+    rate = _rate(nominal, lowest, nominal.apd.dark_current_na)
     count = sum(measured.value[live] for measured in maps)
     armed_s = sum(measured.trials[live] for measured in maps)
     return np.asarray(poisson.sf(count - 1, rate * armed_s) < _HOT_BELOW)

@@ -163,7 +163,7 @@ class CameraFit:
         )
 
     def list_misfits(self) -> list[str]:
-        """Return what the fitted detector cannot reproduce, a line for each curve or group of maps, with its worst points."""
+        """Return what the fitted detector cannot reproduce, a line for each curve or group of maps with its worst points."""
         groups = self.maps.misfits if self.maps else []
         return [_describe_misfit(curve) for curve in self.fit.misfits] + [_describe_bad_maps(group) for group in groups]
 

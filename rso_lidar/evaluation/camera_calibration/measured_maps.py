@@ -114,7 +114,7 @@ def _scale_values(
         number: np.ndarray = value * SI[unit] * trials
         return number
     scaled: np.ndarray = value * SI[unit]
-    return scaled if plate_m is None else scaled - plate_m
+    return scaled - plate_m if plate_m is not None and table.quantity == "range_mean" else scaled
 
 
 def _reduce_stack(where: str, table: MapTable, stack: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

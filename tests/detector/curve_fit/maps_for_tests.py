@@ -39,8 +39,9 @@ def measure_maps(camera, pulse, shape, levels, flashes, seed, quantities=("count
                 strict=True,
             )
         )
-        for quantity in quantities:
-            maps.append(make_mean(f"{quantity} at {photons:g}", quantity, photons, frames[quantity]))
+        maps += [
+            make_mean(f"{quantity} at {photons:g}", quantity, photons, frames[quantity]) for quantity in quantities
+        ]
     return maps
 
 
