@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.detector import FittedCurve, Gsfl, Pulse
+from rso_lidar.detector import WAVEFORM_QUANTITIES, FittedCurve, Gsfl, MeanPulse, Pulse
 from rso_lidar.evaluation.camera_calibration.camera_fit import CameraFit
 from rso_lidar.evaluation.camera_calibration.map_figures import draw_map_fit, draw_pixel_maps
 from rso_lidar.files import check_writable, write_text
@@ -88,16 +88,24 @@ def _draw_pulses(above: Axes, below: Axes, camera: CameraFit) -> None:
     top = 3.5
     for number, mean in enumerate(camera.pulses):
         colour = palette.LINES[1 + number % (len(palette.LINES) - 1)]
-        above.plot(1e9 * mean.time_s, mean.value, ".", ms=4, color=colour, label=f"{mean.photons:.4g} photons")
-        with np.errstate(divide="ignore", invalid="ignore"):
-            residuals = (mean.value - shape.amplitude(mean.time_s) / shape.peak) / mean.error
-        below.plot(1e9 * mean.time_s, residuals, ".", ms=4, color=colour)
-        top = max(top, 1.15 * float(np.nanmax(np.abs(residuals[np.isfinite(residuals)]), initial=0.0)))
+        time_s = mean.time_s - _find_delay_s(mean, shape)
+        known = mean.error > 0.0
+        residuals = ((mean.value - shape.amplitude(time_s) / shape.peak)[known]) / mean.error[known]
+        above.plot(1e9 * time_s, mean.value, ".", ms=4, color=colour, label=f"{mean.photons:.4g} photons")
+        below.plot(1e9 * time_s[known], residuals, ".", ms=4, color=colour)
+        top = max(top, 1.15 * float(np.abs(residuals).max(initial=0.0)))
     below.set_ylim(-top, top)
     figures.style_axes(above, "Mean pulse over its peak")
     figures.style_axes(below, x="Time after the return [ns]")
     above.tick_params(labelbottom=False)
     figures.draw_legend(above)
+
+
+def _find_delay_s(mean: MeanPulse, shape: Pulse) -> float:
+    """Return the delay of a mean pulse after a shape [s]: its shots were aligned by a pulse of another width."""
+    slope = shape.slope(mean.time_s) / shape.peak
+    beside = mean.value - shape.amplitude(mean.time_s) / shape.peak
+    return -float((beside * slope).sum() / (slope**2).sum())
 
 
 def _find_span(camera: CameraFit) -> tuple[float, float]:
@@ -191,7 +199,8 @@ def _draw_curve(above: Axes, below: Axes, fitted: FittedCurve) -> None:
         error = np.abs(np.where(fitted.residuals == 0.0, 0.0, (curve.value - fitted.expected) / fitted.residuals))
     above.errorbar(x, factor * curve.value, factor * np.nan_to_num(error), fmt="o", ms=4, color=palette.ORANGE,
                    ecolor=palette.ORANGE, elinewidth=figures.THIN_PT)  # fmt: skip
-    figures.style_axes(above, title if curve.name == curve.quantity else curve.name)
+    is_named = curve.name != curve.quantity and curve.quantity not in WAVEFORM_QUANTITIES
+    figures.style_axes(above, curve.name if is_named else title)
     below.axhline(0.0, color=palette.RULE, lw=figures.THIN_PT)
     below.vlines(x, 0.0, fitted.residuals, color=palette.ORANGE, lw=figures.THIN_PT)
     below.plot(x, fitted.residuals, "o", ms=4, color=palette.ORANGE)
