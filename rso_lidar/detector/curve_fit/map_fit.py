@@ -140,10 +140,10 @@ def fit_maps(detector: Gsfl, pulse: LaserPulse, maps: Sequence[MeasuredMap], nam
     _check_names(maps, names)
     predictor = CurvePredictor(pulse)
     nominal = detector.replace(maps=None, defects=None, trigger=detector.trigger.replace(threshold_spread_fraction=0.0))
+    dead = _find_dead(nominal, predictor, maps)
     pooled = [measured.pool() for measured in maps]
     for curve in pooled:
         check_scale(predictor, nominal, curve)
-    dead = _find_dead(nominal, predictor, maps)
     shape = dead.shape
     responses = _simulate(nominal, pulse, maps)
     values: dict[str, np.ndarray] = {}

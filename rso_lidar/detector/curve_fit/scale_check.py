@@ -61,9 +61,8 @@ def check_scale(predictor: CurvePredictor, detector: AnyDetector, curve: Measure
             "or start nearer (start)"
         )
     factor = float(np.median(known))
-    most = (
-        _MOST_FACTOR**4 if curve.quantity == "dark_counts" else _MOST_FACTOR
-    )  # noise rises steeply with the threshold
+    # Noise rises steeply with the threshold, and a variance is a square.
+    most = _MOST_FACTOR ** {"dark_counts": 4, "area_variance": 2}.get(curve.quantity, 1)
     if not 1.0 / most < factor < most:
         raise ScenarioError(
             f"{curve.name}: its values are {_name_factor(factor)} those of the detector; correct their unit (unit), that of "
