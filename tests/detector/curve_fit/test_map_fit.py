@@ -135,7 +135,11 @@ def shift(measured, **changes):
         (lambda maps: shift(maps[:1], photons=700.0), ("gain",), "detects .* and noise selects what it reports"),
         (lambda maps: shift(maps[1:2], value=maps[1].value + 21.0), ("t0",), "mean range is 21 m beside the plate"),
         (lambda maps: shift(maps[:1], value=np.full(SHAPE, np.nan)), ("gain",), "pixels report nothing"),
-        (lambda maps: [maps[0], *shift(maps[:1], name="again", photons=2505.0)], ("gain", "offset"), "nearly equal light"),
+        (
+            lambda maps: [maps[0], *shift(maps[:1], name="again", photons=2505.0)],
+            ("gain", "offset"),
+            "nearly equal light",
+        ),
     ],
 )
 def test_maps_that_hold_too_little_are_refused(measured, change, names, words):
@@ -155,4 +159,6 @@ def test_maps_of_two_arrays_are_refused(measured):
 def test_the_time_origin_is_in_nanoseconds_of_the_way_out_and_back(fitted):
     pixels = draw_camera_pixels(HIDDEN, SHAPE[0] * SHAPE[1])
     slope = np.polyfit(pixels.t0_s[~pixels.dead], fitted.maps["t0_ns"].ravel()[~pixels.dead] * units.NS, 1)[0]
-    assert slope == pytest.approx(1.0, abs=0.03)  # 5 standard errors of a slope of 470 pixels whose errors are 9 % of t0
+    assert slope == pytest.approx(
+        1.0, abs=0.03
+    )  # 5 standard errors of a slope of 470 pixels whose errors are 9 % of t0

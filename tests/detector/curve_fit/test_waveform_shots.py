@@ -88,7 +88,8 @@ def test_a_laser_whose_energy_jitters_is_rejected(shots):
         factor = 1.0 + 0.1 * np.random.Generator(np.random.Philox(seed)).standard_normal(len(each.samples_counts))
         return dataclasses.replace(each, samples_counts=80.0 + factor[:, None] * (each.samples_counts - 80.0))
 
-    found = fit([shots[0], *(jitter(each, 50 + k) for k, each in enumerate(shots[1:4]))])
+    found = fit([shots[0], *(jitter(each, 50 + k) for k, each in enumerate(shots[1:4]))],
+                tuple(TRUTH)[:4])  # fmt: skip
     assert found.is_rejected
     assert any("area_variance" in curve.curve.name for curve in found.misfits)
 
@@ -105,7 +106,10 @@ def test_the_mean_pulse_has_the_shape_of_the_hidden_camera(shots):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda shots: [dataclasses.replace(shots[0], samples_counts=shots[0].samples_counts[:1])], "1 shot at 0 photons"),
+        (
+            lambda shots: [dataclasses.replace(shots[0], samples_counts=shots[0].samples_counts[:1])],
+            "1 shot at 0 photons",
+        ),
         (
             lambda shots: [dataclasses.replace(shots[0], samples_counts=np.full((30, 64), 80.0))],
             "all samples are equal",
@@ -117,9 +121,14 @@ def test_the_mean_pulse_has_the_shape_of_the_hidden_camera(shots):
         (
             lambda shots: [
                 shots[0],
-                dataclasses.replace(shots[3], samples_counts=np.minimum(shots[3].samples_counts, 3150.0)),
+                dataclasses.replace(
+                    shots[3],
+                    samples_counts=np.minimum(
+                        shots[3].samples_counts, np.quantile(shots[3].samples_counts.max(axis=1), 0.7)
+                    ),
+                ),
             ],
-            "shots of 8000 photons reach 3150 counts: some are clipped and others not",
+            "shots of 8000 photons reach .* counts: some are clipped and others not",
         ),
     ],
 )
