@@ -28,6 +28,7 @@ _SIGMAS = 5.0
 _BANDWIDTHS = np.geomspace(0.35, 3.0, 15)  # over the nominal one, whose pulses are compared with the shots
 _FINE = np.linspace(-1.0, 1.0, 5)  # places of a finer comparison
 _PHASES = 32  # delays of a pulse in a sample interval
+_BESIDE = 3  # samples between the greatest of a shot and the peak of its pulse, at the most
 _GROUPS = 10  # of shots, whose widths differ by the standard error
 _BINS = 4  # of the mean pulse in a sample interval
 
@@ -219,7 +220,9 @@ def _make_pulse(detector: Gsfl, pulse: LaserPulse, bandwidth: float) -> Pulse:
 def _fit_delays(signal: np.ndarray, sample_s: float, shape: Pulse) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return delay [s], amplitude over the shape's and sum of squares (shot) of the best pulse of a shape in each shot."""
     n = signal.shape[1]
-    delay_s = np.arange(-_PHASES, n * _PHASES) * (sample_s / _PHASES) - shape.peak_s
+    top = signal.argmax(axis=1)
+    first, last = (int(top.min()) - _BESIDE) * _PHASES, (int(top.max()) + _BESIDE) * _PHASES
+    delay_s = np.arange(first, last + 1) * (sample_s / _PHASES) - shape.peak_s
     table = shape.amplitude(np.arange(n) * sample_s - delay_s[:, None])
     power = (table**2).sum(axis=1)
     inside = power > 0.5 * power.max()
