@@ -232,7 +232,7 @@ class Lidar(Part):
 def _merge_tables(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Merge the user's table into that of a preset, key by key; a part of another type replaces the preset's whole."""
     result = dict(preset)
-    for part, name in list_determined(given):  # by the words of a data sheet, or by a condition
+    for part, name in list_determined(given):  # by the entries of a data sheet, or by a condition
         if part is None:
             result.pop(name, None)
         elif isinstance(result.get(part), Mapping):
