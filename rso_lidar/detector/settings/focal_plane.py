@@ -32,15 +32,15 @@ class Maps(Part):
     Uncalibrated cameras have 5-15 %, a few counts and 0.3-1 ns. With `calibrated` the reading is corrected by maps measured
     beforehand. The correction leaves `residual_fraction` of each pixel's deviation. All figures are assumed.
 
-    `file` names the measured maps of one camera, as `rso-lidar camera fit` writes them (docs/camera_fit.md). The maps that
-    it holds take the place of drawn ones, that of thresholds included. Its dead and hot pixels take the place of `Defects`.
+    `file` names the measured maps of one camera, as `rso-lidar camera fit` writes them (docs/camera_fit.md). They take the
+    place of drawn ones, and their dead and hot pixels that of `Defects`. Thresholds are drawn where the file has none.
     """
 
     file: Text | None = Field(
         default=None,
         description=(
-            "Path of the measured maps of one camera (.npz), for an array of as many rows and columns. What it does not "
-            "hold is drawn. If omitted, all maps are drawn."
+            "Path of the measured maps of one camera (.npz), for an array of as many rows and columns. Pixels are nominal in "
+            "what it does not hold, and the spreads below are for closed forms alone. If omitted, all maps are drawn."
         ),
     )
 

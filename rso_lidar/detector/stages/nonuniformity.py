@@ -46,8 +46,8 @@ def draw_pixels(
     chance = drawn[4].random(n_pixels)
     none = np.zeros(n_pixels)
     measured = None if maps is None or maps.file is None else read_pixel_maps(maps.file)
-    if measured is not None:
-        defects = None  # those of the file count
+    if measured is not None:  # nothing assumed is mixed with what was measured
+        maps = defects = None
     dead = defects.dead_fraction if defects else 0.0
     hot = defects.hot_fraction if defects else 0.0
     is_hot = (chance >= dead) & (chance < dead + hot)

@@ -215,8 +215,8 @@ class CameraFit:
         maps, detector = self.pixel_maps, self.fit.detector
         if maps is None or not isinstance(detector, Gsfl):
             return detector
-        settings = detector.maps or Maps(gain_spread_fraction=0.0, offset_spread_counts=0.0, t0_spread_ns=0.0)
         changes: dict[str, Any] = {"file": maps_file}
+        changes |= dict.fromkeys(("gain_spread_fraction", "offset_spread_counts", "t0_spread_ns"), 0.0)
         for key, name, most in (
             ("gain_spread_fraction", "gain_factor", _MOST_SPREAD),
             ("offset_spread_counts", "offset_counts", np.inf),
@@ -228,7 +228,7 @@ class CameraFit:
         key = "threshold_spread_fraction"
         if "threshold_factor" in maps.maps and f"trigger.{key}" not in self.file.constants:
             trigger = trigger.replace(**{key: min(maps.spread("threshold_factor"), _MOST_SPREAD)})
-        return detector.replace(maps=settings.replace(**changes), trigger=trigger, defects=None)
+        return detector.replace(maps=(detector.maps or Maps()).replace(**changes), trigger=trigger, defects=None)
 
     def list_map_rows(self) -> list[list[tuple[str, ...]]]:
         """Return the rows of two tables, each with its heading: the fitted maps, and the measured ones beside them."""
