@@ -39,8 +39,8 @@ class Maps(Part):
     file: Text | None = Field(
         default=None,
         description=(
-            "Path of the measured maps of one camera (.npz), for an array of as many rows and columns. Pixels are nominal in "
-            "what it does not hold, and the spreads below are for closed forms alone. If omitted, all maps are drawn."
+            "Path of the measured maps of one camera (.npz), for an array of as many rows and columns. Pixels are nominal "
+            "in what it does not hold, and the spreads below are for closed forms alone. If omitted, all maps are drawn."
         ),
     )
 
