@@ -77,7 +77,9 @@ def check_scale(predictor: CurvePredictor, detector: AnyDetector, curve: Measure
 def _check_counted_light(predictor: CurvePredictor, detector: AnyDetector, curve: MeasuredCurve) -> None:
     """Refuse counts whose light is so far from theirs that the detector sees none of it, or clips all of it."""
     middle = _MODERATE * detector.traits.threshold_photons
-    per_photon = float(predictor.predict(detector, replace(curve, photons=np.full(len(curve.value), middle)))[0]) / middle
+    per_photon = (
+        float(predictor.predict(detector, replace(curve, photons=np.full(len(curve.value), middle)))[0]) / middle
+    )
     factor = float(np.median(curve.photons * per_photon / curve.value))
     if math.isfinite(factor) and not 1.0 / _MOST_FACTOR < factor < _MOST_FACTOR:
         raise ScenarioError(

@@ -131,7 +131,11 @@ def shift(measured, **changes):
         (lambda maps: maps[:1], ("gain", "threshold"), "nothing tells the threshold of a pixel"),
         (lambda maps: maps, ("gain", "offset"), "range_mean at 2500: tells t0, which is not named"),
         (lambda maps: shift(maps[:1], photons=2.5e4), ("gain",), "at 2500: its values are 10 times too low, it seems"),
-        (lambda maps: shift(maps[:1], photons=2.5), ("gain",), "at 2500: its photons are 1,000 times too low, it seems"),
+        (
+            lambda maps: shift(maps[:1], photons=2.5),
+            ("gain",),
+            "at 2500: its photons are 1,000 times too low, it seems",
+        ),
         (lambda maps: shift(maps[:1], photons=700.0), ("gain",), "detects .* and noise selects what it reports"),
         (lambda maps: shift(maps[1:2], value=maps[1].value + 21.0), ("t0",), "mean range is 21 m beside the plate"),
         (lambda maps: shift(maps[:1], value=np.full(SHAPE, np.nan)), ("gain",), "pixels report nothing"),
