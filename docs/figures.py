@@ -1082,6 +1082,81 @@ def camera_fit() -> Any:
     return draw_camera_fit(fitted)
 
 
+def _invent_camera() -> tuple[rl.Lidar, Any]:
+    """Return the lidar of camera.md, and the camera that stands for the real one: noisier, with other scales."""
+    text = (FOLDER.parent / "camera.md").read_text(encoding="utf-8")
+    lidar = rl.Scenario.loads(text.partition("```toml\n")[2].partition("```")[0]).instrument
+    sheet: Any = lidar.detector
+    return lidar, sheet.replace(
+        amplifier=sheet.amplifier.replace(noise_electrons=1.25 * sheet.amplifier.noise_electrons, bandwidth_mhz=165.0),
+        readout=sheet.readout.replace(electrons_per_count=430.0, baseline_counts=70.0),
+    )
+
+
+def camera_maps() -> Any:
+    """Return measured maps of an invented camera beside the fitted ones, by the simulator (camera_fit.md)."""
+    lidar, camera = _invent_camera()
+    n, shape, pulse = 64 * 64, (64, 64), lidar.pulse
+    row, col = np.mgrid[:64, :64] / 63.0
+    rng = np.random.Generator(np.random.Philox(7))
+    dead = rng.random(shape) < 0.004
+    truth = {  # a gain that falls toward the corners, and clocks that come later along the rows, each with a scatter
+        "gain_factor": 1.12 - 0.5 * ((row - 0.5) ** 2 + (col - 0.5) ** 2) + 0.02 * rng.standard_normal(shape),
+        "t0_ns": 0.8 * (col - 0.5) + 0.1 * np.cos(np.pi * np.arange(64))[:, None] + 0.05 * rng.standard_normal(shape),
+    }
+    arrays: dict[str, np.ndarray] = {}
+    text = 'version = 1\nname = "silicon_64"\npixel_constants = ["gain", "t0"]\n'
+    with tempfile.TemporaryDirectory() as folder:
+        shared = lidar.replace(detector=camera)  # whose constants the raw shots tell
+        rl.detector.PixelMaps(shape, truth, {}, dead, np.zeros(shape, bool)).save(Path(folder) / "truth.npz")
+        camera = camera.replace(maps=rl.detector.Maps(file=str(Path(folder) / "truth.npz")))
+        for photons in (1500, 6000):
+            counts, range_m = np.zeros((40, *shape)), np.zeros((40, *shape))
+            for k in range(40):
+                at_m = 300.0 + k * 0.618_034 % 1.0
+                light = make_point_returns(
+                    shape,
+                    (pulse.step_s, pulse.power_per_s),
+                    pulse.fwhm_s,
+                    np.arange(n),
+                    np.full(n, at_m),
+                    np.full(n, float(photons)),
+                )
+                reading, _ = detect(light, camera, rng)
+                counts[k], range_m[k] = reading.intensity_counts, reading.range_m - at_m + 300.0
+            arrays |= {f"counts_{photons}": counts, f"range_{photons}": range_m}
+            for quantity, name in (("counts_mean", "counts"), ("range_mean", "range")):
+                text += f'[[map]]\nquantity = "{quantity}"\nfile = "flat.npz"\nvalue = "{name}_{photons}"\n'
+                text += f"photons = {photons}\nrange_m = 300\n"
+        np.savez(Path(folder) / "flat.npz", **arrays)
+        fitted = fit_camera(shared, CurvesFile.loads(text, folder=Path(folder)))
+    sys.stdout.write(f"{fitted.table()}\n")
+    return draw_camera_fit(fitted)
+
+
+def camera_shots() -> Any:
+    """Return the pulses, their area and its variance of raw shots of an invented camera (camera_fit.md)."""
+    lidar, camera = _invent_camera()
+    pulse = lidar.pulse
+    camera = camera.replace(trigger=camera.trigger.replace(threshold_spread_fraction=0.0))
+    dark = camera.replace(gate=rl.detector.Gate(delay_ns=200.0, width_ns=48.0, pulses=1))
+    samples, photons = [], []
+    for level in (0.0, 800.0, 2000.0, 6000.0, 60_000.0):
+        light = make_plate(max(level, 1e-9), 500, (pulse.step_s, pulse.power_per_s), pulse.fwhm_s, 15.0)
+        _, waveforms = detect(light, camera if level else dark, np.random.Generator(np.random.Philox(int(level))))
+        assert waveforms is not None
+        samples.append(waveforms.samples_counts)
+        photons.append(np.full(len(samples[-1]), level))
+    free = ("amplifier.noise_electrons", "amplifier.bandwidth_mhz", "readout.electrons_per_count")
+    text = f'version = 1\nname = "silicon_64"\nconstants = {[*free, "readout.baseline_counts"]}\n[[waveform]]\n'
+    text += 'file = "shots.npz"\nsamples = "samples"\nsample_ns = 1.0\nphotons = "photons"\n'
+    with tempfile.TemporaryDirectory() as folder:
+        np.savez(Path(folder) / "shots.npz", samples=np.concatenate(samples), photons=np.concatenate(photons))
+        fitted = fit_camera(lidar, CurvesFile.loads(text, folder=Path(folder)))
+    sys.stdout.write(f"{fitted.table()}\n")
+    return draw_camera_fit(fitted)
+
+
 def stray_light() -> Any:
     """Steady light and laser light of the example with ghosts and glare, as the Sun passes behind the satellite."""
     from matplotlib.colors import LogNorm
@@ -1592,6 +1667,8 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "published": published,
     "published_arrays": published_arrays,
     "camera_fit": camera_fit,
+    "camera_maps": camera_maps,
+    "camera_shots": camera_shots,
     "scan_lines": scan_lines,
     "second_bounce": second_bounce,
 }

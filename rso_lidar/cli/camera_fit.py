@@ -1,4 +1,4 @@
-"""`rso-lidar camera fit`: constants of a detector fitted to measured curves, and a preset file with their origin."""
+"""`rso-lidar camera fit`: constants of a detector and its pixels fitted to measurements, and a preset with their origin."""
 
 from pathlib import Path
 from typing import Annotated
@@ -37,10 +37,10 @@ def fit(
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Fit constants of a camera's detector to measured curves.
+    """Fit constants of a camera's detector to measured curves, maps of its pixels and raw waveforms.
 
-    A report is written of any fit that converges. Where the detector cannot have given the curves, the fit is rejected, no
-    preset is written, and the exit status is 2.
+    Maps are written beside the preset, as an NPZ file of the same name. A report is written of any fit that converges. Where
+    the detector cannot have given the measurements, the fit is rejected, no preset is written, and the exit status is 2.
     """
     known = (_PRESET_SUFFIX, *FIT_REPORT_SUFFIXES)
     places = [check_writable(place, known, overwrite=overwrite) for place in output or ()]
@@ -61,3 +61,5 @@ def fit(
     for place in places:
         if place not in reports:
             echo(fitted.save_preset(place, overwrite=overwrite))
+            if (beside := fitted.place_maps(place)) is not None:
+                echo(beside)

@@ -27,12 +27,21 @@ if TYPE_CHECKING:
     from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
     from rso_lidar.detector.curve_fit.constant_fit import ConstantFit, FittedConstant, FittedCurve, fit_constants
     from rso_lidar.detector.curve_fit.free_constants import get_constant
-    from rso_lidar.detector.curve_fit.measured_curve import CURVE_QUANTITIES, CurveQuantity, MeasuredCurve
+    from rso_lidar.detector.curve_fit.map_fit import FittedMap, MapFit, MapGroup, fit_maps
+    from rso_lidar.detector.curve_fit.measured_curve import (
+        CURVE_QUANTITIES,
+        WAVEFORM_QUANTITIES,
+        CurveQuantity,
+        MeasuredCurve,
+    )
+    from rso_lidar.detector.curve_fit.measured_map import MapQuantity, MeasuredMap, PixelConstant
+    from rso_lidar.detector.curve_fit.waveform_shots import MeanPulse, ShotList, merge_points, reduce_shots
     from rso_lidar.detector.detection import (
         AnyDetector,
         DescribedDetector,
         advise,
         array_load,
+        check_maps,
         check_noise,
         check_size,
         describe,
@@ -75,14 +84,17 @@ if TYPE_CHECKING:
     from rso_lidar.detector.settings.trigger import Trigger
     from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
     from rso_lidar.detector.stages.avalanche import multiply_rows
+    from rso_lidar.detector.stages.pixel_maps import MAPS_SUFFIX, PixelMaps, read_pixel_maps
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
     "CURVE_QUANTITIES",
     "DETECTOR_PRESETS",
+    "MAPS_SUFFIX",
     "SIGNAL_OVER_THRESHOLD",
     "SOLVED_CONSTANTS",
+    "WAVEFORM_QUANTITIES",
     "Amplifier",
     "AnyDetector",
     "Apd",
@@ -102,19 +114,28 @@ __all__ = [
     "Empirical",
     "FittedConstant",
     "FittedCurve",
+    "FittedMap",
     "Gate",
     "GeigerArray",
     "Gsfl",
     "LaserPulse",
     "LightCurve",
     "LowGain",
+    "MapFit",
+    "MapGroup",
+    "MapQuantity",
     "Maps",
+    "MeanPulse",
     "MeasuredCurve",
+    "MeasuredMap",
+    "PixelConstant",
+    "PixelMaps",
     "Prediction",
     "Pulse",
     "Ranging",
     "Readout",
     "Saturation",
+    "ShotList",
     "Speckle",
     "Surroundings",
     "ThresholdCondition",
@@ -126,6 +147,7 @@ __all__ = [
     "advise",
     "array_load",
     "at_least",
+    "check_maps",
     "check_noise",
     "check_size",
     "check_traits",
@@ -142,6 +164,7 @@ __all__ = [
     "false_alarm_probability",
     "find_photons",
     "fit_constants",
+    "fit_maps",
     "frame_jitter_s",
     "get_constant",
     "isolate",
@@ -153,11 +176,14 @@ __all__ = [
     "make_plate",
     "make_point_returns",
     "mark_reports",
+    "merge_points",
     "multiply_rows",
     "noise_growth",
     "place_plate_m",
     "predict",
     "predict_pixels",
+    "read_pixel_maps",
+    "reduce_shots",
     "report_probability",
     "run_trial",
     "simulate_light_curve",

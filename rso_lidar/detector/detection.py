@@ -7,8 +7,8 @@ for each kind, whose members are these functions.
 - `detect` makes a reading of the light of one flash; `detect_with_taps` also returns the signals between the stages.
 - ``detector.traits`` holds the facts: reach, threshold, number of returns, gate, settings in force (`DetectorTraits`).
   A gated detector has ``with_gate_delay(delay_ns)`` as well.
-- `check_noise`, `check_size`, `describe`, `advise`, `describe_window`, `describe_storage` and `list_neglected_effects` serve
-  the checks and the texts of a scenario.
+- `check_noise`, `check_size`, `check_maps`, `describe`, `advise`, `describe_window`, `describe_storage` and
+  `list_neglected_effects` serve the checks and the texts of a scenario.
 - `false_alarm_probability`, `detection_probability`, `predict_closed_form`, `report_probability` and `noise_growth` are
   closed forms. `prediction.predict` runs a trial of pixels for a detector without one.
 - `isolate`, `array_load`, `draw_crosstalk_m` and `frame_jitter_s` separate pixels from their array, for `trial.run_trial`.
@@ -126,6 +126,17 @@ def check_size(detector: AnyDetector, pulse_fwhm_s: float, n_pixels: int) -> Non
     n_pixels : pixels of the array
     """
     build_detector(detector).check_size(pulse_fwhm_s, n_pixels)
+
+
+def check_maps(detector: AnyDetector, shape: tuple[int, int]) -> None:
+    """Read the measured maps of a detector and refuse those of another array; by default there are none.
+
+    Parameters
+    ----------
+    detector : the detector; `ScenarioError` where its maps cannot be read, or have another shape
+    shape : rows and columns of the array
+    """
+    build_detector(detector).check_maps(shape)
 
 
 def describe(detector: AnyDetector, n_pixels: int) -> list[str]:

@@ -47,6 +47,10 @@ class BuiltDetector(Protocol):
         """Refuse a detector whose simulation would not fit into memory."""
         return
 
+    def check_maps(self, shape: tuple[int, int]) -> None:
+        """Refuse measured maps of another array than one of these rows and columns."""
+        return
+
     def describe(self, n_pixels: int) -> list[str]:
         """Return a description in some lines; the last one states when it looks."""
         traits = self.part.traits

@@ -20,6 +20,7 @@ from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.presets import SOLVED_CONSTANTS
 from rso_lidar.detector.stages.array_effects import draw_shift_m
+from rso_lidar.detector.stages.pixel_maps import read_pixel_maps
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
@@ -90,6 +91,18 @@ class BuiltGsfl(BuiltDetector):
                     f"detector.gate.width_ns: {gsfl.gate.width_ns:g} in {n_pixels:,} pixels is more than can be "
                     f"stored; take up to {most_ns:.0f}, or fewer pixels"
                 )
+
+    def check_maps(self, shape: tuple[int, int]) -> None:
+        """Read the measured maps, if a file of them is named, and refuse those of an array of another shape."""
+        maps = self.part.maps
+        if maps is None or maps.file is None:
+            return
+        measured = read_pixel_maps(maps.file).shape
+        if measured != shape:
+            raise ScenarioError(
+                f"detector.maps.file: {maps.file}: is of {measured[0]} x {measured[1]} pixels, and the receiver has "
+                f"{shape[0]} x {shape[1]}; set receiver.n_rows and n_cols, or take maps of this array"
+            )
 
     def describe(self, n_pixels: int) -> list[str]:
         """Describe the chain in a few lines; the last one states when its pixels look."""

@@ -14,7 +14,7 @@ from rso_lidar.records import Photons
 COHERENCE_CELLS = (
     885.0  # A_lens A_pixel / (wavelength focal_length)² of a pixel that the default lens fills, at 1064 nm
 )
-_NEAR_M = 5.0  # a report farther from the plate than a pulse reaches is a false trigger
+NEAR_M = 5.0  # a report farther from the plate than a pulse reaches is a false trigger
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,5 +181,5 @@ def run_trial(
     if np.any(around.together_fraction):
         error += draw_crosstalk_m(detector, np.broadcast_to(around.together_fraction, error.shape), rng)
     with np.errstate(invalid="ignore"):
-        detected = np.abs(error) < _NEAR_M
+        detected = np.abs(error) < NEAR_M
     return Trial(detected, error[detected], reading.intensity_counts.ravel()[detected])

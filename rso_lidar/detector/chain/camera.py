@@ -26,6 +26,7 @@ from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
 from rso_lidar.detector.stages.avalanche import build_avalanche
 from rso_lidar.detector.stages.false_triggers import Comparators, build_comparators
 from rso_lidar.detector.stages.nonuniformity import CameraPixels, draw_pixels
+from rso_lidar.detector.stages.pixel_maps import stamp_maps
 from rso_lidar.detector.stages.time_axis import SamplingPlan
 from rso_lidar.records import Photons
 
@@ -66,15 +67,16 @@ def build_camera(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
     """
     if pulse.power_per_s.flags.writeable:  # what is kept must not change with a caller's array
         pulse = pulse._replace(power_per_s=pulse.power_per_s.copy())
+    stamp = None if gsfl.maps is None or gsfl.maps.file is None else stamp_maps(gsfl.maps.file)
     if gsfl.gate is None:
-        return _build(gsfl, pulse, n_pixels)
+        return _build(gsfl, pulse, n_pixels, stamp)
     at_rest = gsfl.replace(gate=gsfl.gate.replace(delay_ns=0.0))
-    return replace(_build(at_rest, pulse, n_pixels), gate=gsfl.gate)
+    return replace(_build(at_rest, pulse, n_pixels, stamp), gate=gsfl.gate)
 
 
 @lru_cache(maxsize=8)  # a camera of 512 x 512 pixels has 15 MB of maps
-def _build(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
-    """Build a camera, kept: the only place where frames share what their settings determine."""
+def _build(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int, _maps: tuple[str, int, int] | None) -> FlashCamera:
+    """Build a camera, kept until its file of maps changes: the only place where frames share what settings determine."""
     amplifier, window_m = gsfl.amplifier, (gsfl.armed_from_m, gsfl.armed_to_m)
     pixels = draw_camera_pixels(gsfl, n_pixels)
     from_s, to_s = (range_m / units.RANGE_PER_DELAY_M_S for range_m in window_m)

@@ -18,7 +18,13 @@ import numpy as np
 from rso_lidar.detector.analysis.closed_form import Prediction
 from rso_lidar.detector.analysis.false_alarms import mean_false_alarms_per_s
 from rso_lidar.detector.bench.prediction import predict
-from rso_lidar.detector.curve_fit.measured_curve import LevelStatistics, MeasuredCurve, simulate_levels
+from rso_lidar.detector.curve_fit.measured_curve import (
+    WAVEFORM_QUANTITIES,
+    LevelStatistics,
+    MeasuredCurve,
+    simulate_levels,
+)
+from rso_lidar.detector.curve_fit.waveform_forms import predict_waveform
 from rso_lidar.detector.detection import AnyDetector, false_alarm_probability, list_neglected_effects
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.ranging.pulse import LaserPulse
@@ -72,8 +78,11 @@ class CurvePredictor:
         photons_scale : true over stated photons
         """
         n = len(curve.value)
-        if curve.quantity == "dark_counts":
-            return CurveReference(np.zeros(n), np.zeros(n), np.ones(n), np.full(n, 3.0), np.inf)
+        if (
+            curve.quantity == "dark_counts" or curve.quantity in WAVEFORM_QUANTITIES
+        ):  # of raw samples, no error by trials
+            own = float(curve.quantity == "dark_counts")
+            return CurveReference(np.zeros(n), np.zeros(n), np.full(n, own), np.full(n, 3.0), np.inf)
         levels = _Levels(curve.photons * photons_scale, curve.range_m)
         large = _simulate(cast(Hashable, detector), self.pulse, levels, trials)
         value, scatter, kurtosis = _pick(curve.quantity, large)
@@ -88,7 +97,7 @@ class CurvePredictor:
         """Return whether the values of a curve come from a closed form, and not from trials."""
         if curve.quantity == "range_scatter":
             return not list_neglected_effects(detector)
-        return curve.quantity in ("detection_rate", "dark_counts")
+        return curve.quantity in ("detection_rate", "dark_counts", *WAVEFORM_QUANTITIES)
 
     def predict(
         self,
@@ -106,6 +115,10 @@ class CurvePredictor:
         """
         if curve.quantity == "dark_counts":
             return _expect_dark_counts(detector, curve)
+        if curve.quantity in WAVEFORM_QUANTITIES:
+            if not isinstance(detector, Gsfl):
+                return np.full(len(curve.value), np.nan)
+            return predict_waveform(detector, self.pulse, curve, photons_scale)
         fast = self._predict_fast(detector, curve, _Levels(curve.photons * photons_scale, curve.range_m))
         if reference is None:
             return fast

@@ -17,6 +17,10 @@ CurveQuantity = Literal[
     "detection_rate", "range_mean", "range_scatter", "counts_mean", "counts_scatter", "walk", "dark_counts"
 ]
 CURVE_QUANTITIES: tuple[str, ...] = get_args(CurveQuantity)
+WaveformQuantity = Literal[
+    "baseline", "sample_noise", "noise_correlation", "pulse_area", "area_variance", "pulse_width", "clip_level"
+]
+WAVEFORM_QUANTITIES: tuple[str, ...] = get_args(WaveformQuantity)
 _PIXELS_AT_ONCE = 65_536  # of a trial, so that its signals take some 100 MB
 
 
@@ -27,23 +31,27 @@ class MeasuredCurve:
     Parameters
     ----------
     name : of the curve in messages and reports
-    quantity : what was measured. `range_mean` is the mean error of range; `walk` is the same up to a constant
+    quantity : what was measured. `range_mean` is the mean error of range; `walk` is the same up to a constant. Those of raw
+        samples are `WAVEFORM_QUANTITIES`
     photons : expected photons on the pixel, after the optics and before quantum efficiency; 0 for `dark_counts`
-    value : measured values: share, [m], [counts], or number of triggers
+    value : measured values: share, [m], [counts], number of triggers, area [counts ns], its variance, or width [s]
     trials : flashes behind a rate, reports behind a mean or a scatter, or armed time of `dark_counts` [s], over all pixels
     range_m : range of the plate [m]
     threshold_electrons : threshold at each point of `dark_counts` [electrons]; NaN for the detector's own
-    systematic : errors common to all trials of a point, 1 sigma, in the unit of the values
+    systematic : errors common to all trials of a point, 1 sigma, in the unit of the values; of raw samples, the whole error
+    sample_s, samples : time between raw samples [s], and their number in a shot
     """
 
     name: str
-    quantity: CurveQuantity
+    quantity: CurveQuantity | WaveformQuantity
     photons: np.ndarray
     value: np.ndarray
     trials: np.ndarray
     range_m: np.ndarray
     threshold_electrons: np.ndarray
     systematic: np.ndarray
+    sample_s: float = float("nan")
+    samples: int = 0
 
     def __post_init__(self) -> None:
         n = len(self.value)
@@ -117,6 +125,18 @@ def simulate_levels(
         range_rows = _summarise(level, trial.range_error_m, n)
         rows.append(np.vstack([share, range_rows, _summarise(level, trial.intensity_counts.astype(float), n)]))
     return LevelStatistics(*np.concatenate(rows, axis=1))
+
+
+def summarise_reports(detected: np.ndarray, range_error_m: np.ndarray, intensity_counts: np.ndarray) -> LevelStatistics:
+    """Return the statistics of the reports of equal pixels, as one level.
+
+    Parameters
+    ----------
+    detected, range_error_m, intensity_counts : (pixel) whether each reports the plate, and its report
+    """
+    level = np.zeros(int(detected.sum()), np.int64)
+    rows = [_summarise(level, values[detected].astype(float), 1) for values in (range_error_m, intensity_counts)]
+    return LevelStatistics(*np.vstack([[detected.mean()], *rows]))
 
 
 def _summarise(level: np.ndarray, values: np.ndarray, n: int) -> np.ndarray:

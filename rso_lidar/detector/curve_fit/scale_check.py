@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ _MOST_FACTOR = 5.0  # between a curve and the detector that its fit starts from
 _FARTHEST = 1e9  # factor of light up to which the shift of a detection curve is sought, and its inverse
 _POINTS = 400  # factors of light for which detection is computed
 _POWER_WITHIN = 0.4  # decades from a power of ten, within which a factor is called that power
+_MODERATE = 3.0  # times the threshold: light that is always detected, and does not clip
 _NEAR_M = 5.0  # mean error of range from which it is no error of a camera
 
 
@@ -31,6 +33,8 @@ def check_scale(predictor: CurvePredictor, detector: AnyDetector, curve: Measure
     ScenarioError
         With the factor, and the power of ten that it is near to.
     """
+    if curve.quantity == "noise_correlation":  # a share, of any sign, which has no unit
+        return
     if curve.quantity in ("range_mean", "walk"):
         values = curve.value - (np.median(curve.value) if curve.quantity == "walk" else 0.0)
         worst = int(np.argmax(np.abs(values)))
@@ -54,18 +58,33 @@ def check_scale(predictor: CurvePredictor, detector: AnyDetector, curve: Measure
     if not len(known):
         if curve.quantity == "dark_counts":  # none in the dark, which is a measurement
             return
+        if curve.quantity == "counts_mean":
+            _check_counted_light(predictor, detector, curve)
         raise ScenarioError(
             f"{curve.name}: the detector reports nothing at these photons; correct their unit (photons_per_unit, density), "
             "or start nearer (start)"
         )
     factor = float(np.median(known))
-    most = (
-        _MOST_FACTOR**4 if curve.quantity == "dark_counts" else _MOST_FACTOR
-    )  # noise rises steeply with the threshold
+    # Noise rises steeply with the threshold, and a variance is a square.
+    most = _MOST_FACTOR ** {"dark_counts": 4, "area_variance": 2}.get(curve.quantity, 1)
     if not 1.0 / most < factor < most:
         raise ScenarioError(
             f"{curve.name}: its values are {_name_factor(factor)} those of the detector; correct their unit (unit), that of "
             "the photons, or start nearer (start)"
+        )
+
+
+def _check_counted_light(predictor: CurvePredictor, detector: AnyDetector, curve: MeasuredCurve) -> None:
+    """Refuse counts whose light is so far from theirs that the detector sees none of it, or clips all of it."""
+    middle = _MODERATE * detector.traits.threshold_photons
+    per_photon = (
+        float(predictor.predict(detector, replace(curve, photons=np.full(len(curve.value), middle)))[0]) / middle
+    )
+    factor = float(np.median(curve.photons * per_photon / curve.value))
+    if math.isfinite(factor) and not 1.0 / _MOST_FACTOR < factor < _MOST_FACTOR:
+        raise ScenarioError(
+            f"{curve.name}: its photons are {_name_factor(factor)} those that give so many counts; correct their unit "
+            "(photons_per_unit, density), or start nearer (start)"
         )
 
 

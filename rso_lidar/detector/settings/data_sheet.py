@@ -1,4 +1,4 @@
-"""The figures of a camera in the words of its data sheet, and what they are as keys of the chain."""
+"""Entries of the data sheet of a camera, and what they are as keys of the chain."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _POLE_BANDWIDTH = math.sqrt(math.sqrt(2.0) - 1.0) / (2.0 * math.pi)  # −3 dB b
 
 
 class DataSheet(Part):
-    """Figures of a camera in the words of its data sheet; each fills the key of the chain that it determines.
+    """Entries of the data sheet of a camera; each fills the key of the chain that it determines.
 
     The detector then has that key alone, so a recording holds the number that was used. Giving both is an error. NEP is that
     in the dark, of amplifier and dark current together. `wavelength_nm` stays, and `check` compares it with the laser's.
@@ -60,7 +60,7 @@ class DataSheet(Part):
     )
 
     @model_validator(mode="after")
-    def _check_words(self) -> Self:
+    def _check_entries(self) -> Self:
         for first, second in (("noise_bandwidth_mhz", "rise_time_ns"), ("noise_pa_per_sqrt_hz", "nep_w_per_sqrt_hz")):
             if getattr(self, first) is not None and getattr(self, second) is not None:
                 raise ValueError(f"{first} and {second} determine the same; leave one out")

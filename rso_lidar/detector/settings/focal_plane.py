@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from rso_lidar.part import Flag, Fraction, NotNegative, Number, Part, Positive
+from rso_lidar.part import Flag, Fraction, NotNegative, Number, Part, Positive, Text
 
 # 128 x 128 APDs of 40 µm: 0.24 pF of 80 µm by the areas. The slope is M/a with M = 20 and a = 45 V (C30645). R is assumed.
 _SMALL_JUNCTIONS = {"capacitance_nf": 1.0, "resistance_ohm": 1000.0, "gain_slope_per_v": 0.44}
@@ -35,7 +35,18 @@ class Maps(Part):
 
     Uncalibrated cameras have 5-15 %, a few counts and 0.3-1 ns. With `calibrated` the reading is corrected by maps measured
     beforehand. The correction leaves `residual_fraction` of each pixel's deviation. All figures are assumed.
+
+    `file` names the measured maps of one camera, as `rso-lidar camera fit` writes them (docs/camera_fit.md). They take the
+    place of drawn ones, and their dead and hot pixels that of `Defects`. Thresholds are drawn where the file has none.
     """
+
+    file: Text | None = Field(
+        default=None,
+        description=(
+            "Path of the measured maps of one camera (.npz), for an array of as many rows and columns. Pixels are nominal "
+            "in what it does not hold, and the spreads below are for closed forms alone. If omitted, all maps are drawn."
+        ),
+    )
 
     gain_spread_fraction: Annotated[Number, Field(ge=0.0, le=0.3)] = Field(
         default=0.10, description="Spread of the gain from pixel to pixel, 1 sigma over the mean; assumed."

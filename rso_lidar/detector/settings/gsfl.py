@@ -28,7 +28,7 @@ from rso_lidar.part import Fraction, NotNegative, Part, Positive, Whole
 
 _SPOILT = 30.0  # times the saturation: from there on, the samples that do not clip no longer give the range
 _EDGES = 6.5  # pulses behind the latch that hold both edges of a return up to 1e8 times the saturation
-# Words of a data sheet with the part and the key that they determine.
+# Entries of a data sheet with the part and the key that they determine.
 _DETERMINED: tuple[tuple[str, str | None, str], ...] = (
     ("responsivity_a_per_w", None, "quantum_efficiency"),
     ("excess_noise_factor", "apd", "ionisation_ratio"),
@@ -56,8 +56,8 @@ def list_determined(given: Mapping[str, Any]) -> list[tuple[str | None, str]]:
     Part and key of each; the part is None for keys of the detector itself.
     """
     sheet = given.get("data_sheet")
-    words = sheet.model_dump(exclude_none=True) if isinstance(sheet, Part) else sheet
-    keys = [(part, key) for word, part, key in _DETERMINED if isinstance(words, Mapping) and word in words]
+    entries = sheet.model_dump(exclude_none=True) if isinstance(sheet, Part) else sheet
+    keys = [(part, key) for entry, part, key in _DETERMINED if isinstance(entries, Mapping) and entry in entries]
     return keys + ([("trigger", "threshold_electrons")] if given.get("solve") is not None else [])
 
 
@@ -127,7 +127,7 @@ class Gsfl(Part):
     data_sheet: DataSheet | None = Field(
         default=None,
         description=(
-            "Figures in the words of a data sheet, which fill `quantum_efficiency`, `apd` and `amplifier`. If omitted, "
+            "Entries of a data sheet, which fill `quantum_efficiency`, `apd` and `amplifier`. If omitted, "
             "those are given themselves."
         ),
     )
@@ -197,11 +197,11 @@ class Gsfl(Part):
         sheet = self.data_sheet
         if sheet is None or sheet.model_fields_set <= {"wavelength_nm"}:
             return self
-        for word, part, key in _DETERMINED:
+        for entry, part, key in _DETERMINED:
             given = self if part is None else getattr(self, part)
-            if getattr(sheet, word) is not None and key in given.model_fields_set:
+            if getattr(sheet, entry) is not None and key in given.model_fields_set:
                 place = key if part is None else f"{part}.{key}"
-                raise ValueError(f"data_sheet.{word} and {place} determine the same; leave one out")
+                raise ValueError(f"data_sheet.{entry} and {place} determine the same; leave one out")
         efficiency = fill_quantum_efficiency(sheet, self.quantum_efficiency)
         apd = fill_apd(sheet, self.apd)
         amplifier = fill_amplifier(sheet, self.amplifier, apd, efficiency)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.detector import FittedCurve
+from rso_lidar.detector import WAVEFORM_QUANTITIES, FittedCurve, Gsfl, MeanPulse, Pulse
 from rso_lidar.evaluation.camera_calibration.camera_fit import CameraFit
+from rso_lidar.evaluation.camera_calibration.map_figures import draw_map_fit, draw_pixel_maps
 from rso_lidar.files import check_writable, write_text
 from rso_lidar.picture import LIGHT, Scheme, figures, html_page, palette, save_figure
 
@@ -28,15 +29,24 @@ _LABELS = {
     "counts_scatter": ("Scatter of intensity [counts]", 1.0, True),
     "walk": ("Range walk [cm]", 100.0, False),
     "dark_counts": ("Triggers in the dark", 1.0, True),
+    "pulse_area": ("Mean area of a pulse [counts ns]", 1.0, True),
+    "area_variance": ("Variance of the area [(counts ns)²]", 1.0, True),
+    "pulse_width": ("Width of a pulse [ns]", 1e9, False),
 }  # heading, factor from SI, and whether the axis is logarithmic
 
 
 def draw_camera_fit(camera: CameraFit) -> Figure:
-    """Draw each measured curve over the simulated ones, and its residuals below."""
-    curves = camera.fit.curves
-    columns = 2 if len(curves) == 4 else min(_COLUMNS, len(curves))
-    rows = math.ceil(len(curves) / columns)
-    verdict = "rejected" if camera.fit.is_rejected else "accepted"
+    """Draw each measured curve over the simulated ones, and its residuals below; without curves, the maps.
+
+    Single numbers of raw waveforms, such as their noise, are in the tables of the report alone.
+    """
+    curves = [curve for curve in camera.fit.curves if curve.curve.quantity in _LABELS]
+    if not curves and camera.maps is not None:
+        return draw_map_fit(camera.maps, camera.file.name)
+    panels = len(curves) + bool(camera.pulses)
+    columns = 2 if panels == 4 else min(_COLUMNS, max(panels, 1))
+    rows = max(math.ceil(panels / columns), 1)
+    verdict = "rejected" if camera.is_rejected else "accepted"
     note = (
         f"{verdict}: chi-square {camera.fit.chi2:.1f} with {camera.fit.freedom:.0f} degrees of freedom, "
         f"P {camera.fit.p_value:.2g}"
@@ -50,34 +60,104 @@ def draw_camera_fit(camera: CameraFit) -> Figure:
         above, below = grid[2 * row, column], grid[2 * row + 1, column]
         if place < len(curves):
             _draw_curve(above, below, curves[place])
+        elif place < panels:
+            _draw_pulses(above, below, camera)
         else:
             above.set_visible(False)
             below.set_visible(False)
     return figure
 
 
+def _draw_pulses(above: Axes, below: Axes, camera: CameraFit) -> None:
+    """Draw the mean pulses of the shots over that of the fitted detector."""
+    pulse = camera.lidar.pulse
+    for style, detector in (((0, (4, 2)), camera.lidar.detector), ("-", camera.fit.detector)):
+        assert isinstance(detector, Gsfl)  # of waveforms
+        amplifier = detector.amplifier
+        shape = Pulse.after(pulse.step_s, pulse.power_per_s, amplifier.pole_s, amplifier.integration_s)
+        time_s = np.linspace(*_find_span(camera), 400)
+        last = style == "-"
+        above.plot(
+            1e9 * time_s,
+            shape.amplitude(time_s) / shape.peak,
+            ls=style,
+            color=palette.BLUE if last else palette.QUIET,
+            lw=figures.LINE_PT if last else figures.THIN_PT,
+        )
+    below.axhline(0.0, color=palette.RULE, lw=figures.THIN_PT)
+    top = 3.5
+    for number, mean in enumerate(camera.pulses):
+        colour = palette.LINES[1 + number % (len(palette.LINES) - 1)]
+        time_s = mean.time_s - _find_delay_s(mean, shape)
+        known = mean.error > 0.0
+        residuals = ((mean.value - shape.amplitude(time_s) / shape.peak)[known]) / mean.error[known]
+        above.plot(1e9 * time_s, mean.value, ".", ms=4, color=colour, label=f"{mean.photons:.4g} photons")
+        below.plot(1e9 * time_s[known], residuals, ".", ms=4, color=colour)
+        top = max(top, 1.15 * float(np.abs(residuals).max(initial=0.0)))
+    below.set_ylim(-top, top)
+    figures.style_axes(above, "Mean pulse over its peak")
+    figures.style_axes(below, x="Time after the return [ns]")
+    above.tick_params(labelbottom=False)
+    figures.draw_legend(above)
+
+
+def _find_delay_s(mean: MeanPulse, shape: Pulse) -> float:
+    """Return the delay of a mean pulse after a shape [s]: its shots were aligned by a pulse of another width."""
+    slope = shape.slope(mean.time_s) / shape.peak
+    beside = mean.value - shape.amplitude(mean.time_s) / shape.peak
+    return -float((beside * slope).sum() / (slope**2).sum())
+
+
+def _find_span(camera: CameraFit) -> tuple[float, float]:
+    """Return the first and the last time of all mean pulses [s]."""
+    ends = [(float(mean.time_s.min()), float(mean.time_s.max())) for mean in camera.pulses]
+    return min(low for low, _ in ends), max(high for _, high in ends)
+
+
 def write_fit_report(camera: CameraFit, scheme: Scheme = LIGHT) -> str:
     """Return the report as an HTML page with the picture, tables of constants, curves and points."""
-    fit = camera.fit
+    fit, maps = camera.fit, camera.maps
     misfits = camera.list_misfits()
+    total, freedom, p_value = camera.goodness
     body = [
         f"<h1>Calibration of {escape(camera.file.name)}</h1>",
         f'<p class="quiet">{escape(camera.file.what or "")} Fitted {camera.date_utc:%Y-%m-%d %H:%M} UTC, '
-        f"{escape(camera.calibration.versions)}.</p>",
-        f"<p><b>{'Rejected' if fit.is_rejected else 'Accepted'}.</b> Chi-square is {fit.chi2:.1f} with {fit.freedom:.1f} "
-        f"degrees of freedom: a camera like the fitted one gives a worse fit with probability {fit.p_value:.2g}.</p>",
-        html_page.embed_figure(draw_camera_fit(camera), "measured and simulated curves", scheme=scheme),
-        "<h2>Constants</h2>",
-        _tabulate_constants(camera),
-        *_tabulate_correlations(camera),
-        "<h2>What the model cannot reproduce</h2>",
-        *([f"<p>{escape(line)}.</p>" for line in misfits] or ["<p>Nothing that these curves show.</p>"]),
-        "<h2>Curves</h2>",
-        _tabulate_curves(camera),
-        "<h2>Points</h2>",
-        *(part for curve in fit.curves for part in _tabulate_points(curve)),
+        f"{escape(camera.versions)}.</p>",
+        f"<p><b>{'Rejected' if camera.is_rejected else 'Accepted'}.</b> Chi-square is {total:.1f} with {freedom:.1f} "
+        f"degrees of freedom: a camera like the fitted one gives a worse fit with probability {p_value:.2g}.</p>",
     ]
+    if fit.curves:
+        body += [
+            html_page.embed_figure(draw_camera_fit(camera), "measured and simulated curves", scheme=scheme),
+            "<h2>Constants</h2>",
+            _tabulate_constants(camera),
+            *_tabulate_correlations(camera),
+        ]
+    if maps is not None:
+        body += [
+            "<h2>Pixels</h2>",
+            html_page.embed_figure(draw_pixel_maps(maps, camera.file.name), "constants of each pixel", scheme=scheme),
+            html_page.embed_figure(draw_map_fit(maps, camera.file.name), "measured and fitted maps", scheme=scheme),
+            *(_tabulate(rows) for rows in camera.list_map_rows()),
+        ]
+    body += [
+        "<h2>What the model cannot reproduce</h2>",
+        *([f"<p>{escape(line)}.</p>" for line in misfits] or ["<p>Nothing that these measurements show.</p>"]),
+    ]
+    if fit.curves:
+        body += [
+            "<h2>Curves</h2>",
+            _tabulate_curves(camera),
+            "<h2>Points</h2>",
+            *(part for curve in fit.curves for part in _tabulate_points(curve)),
+        ]
     return html_page.write_page(f"Calibration of {camera.file.name}", body, scheme)
+
+
+def _tabulate(rows: list[tuple[str, ...]]) -> str:
+    """Return rows as a table, the first of which is its heading."""
+    heads = [(head, number > 0) for number, head in enumerate(rows[0])]
+    return html_page.write_table(heads, [tuple(escape(cell) for cell in row) for row in rows[1:]])
 
 
 def save_fit_report(camera: CameraFit, path: str | Path, *, overwrite: bool = False, scheme: Scheme = LIGHT) -> Path:
@@ -119,7 +199,8 @@ def _draw_curve(above: Axes, below: Axes, fitted: FittedCurve) -> None:
         error = np.abs(np.where(fitted.residuals == 0.0, 0.0, (curve.value - fitted.expected) / fitted.residuals))
     above.errorbar(x, factor * curve.value, factor * np.nan_to_num(error), fmt="o", ms=4, color=palette.ORANGE,
                    ecolor=palette.ORANGE, elinewidth=figures.THIN_PT)  # fmt: skip
-    figures.style_axes(above, title if curve.name == curve.quantity else curve.name)
+    is_named = curve.name != curve.quantity and curve.quantity not in WAVEFORM_QUANTITIES
+    figures.style_axes(above, curve.name if is_named else title)
     below.axhline(0.0, color=palette.RULE, lw=figures.THIN_PT)
     below.vlines(x, 0.0, fitted.residuals, color=palette.ORANGE, lw=figures.THIN_PT)
     below.plot(x, fitted.residuals, "o", ms=4, color=palette.ORANGE)
@@ -188,13 +269,13 @@ def _tabulate_curves(camera: CameraFit) -> str:
     rows = [
         (
             escape(curve.curve.name),
-            escape(table.file),
+            escape(table),
             f"<code>{sha256[:16]}…</code>",
             str(len(curve.residuals)),
             f"{curve.chi2:.1f}",
             f"{curve.p_value:.2g}",
         )
-        for table, sha256, curve in zip(camera.file.curve, camera.hashes, camera.fit.curves, strict=True)
+        for table, sha256, curve in zip(camera.tables, camera.hashes, camera.fit.curves, strict=True)
     ]
     heads = [("curve", False), ("table", False), ("SHA-256", False), ("points", True), ("chi-square", True)]
     return html_page.write_table([*heads, ("P of a worse fit", True)], rows)

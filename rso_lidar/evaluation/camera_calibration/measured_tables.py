@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import AnyDetector, MeasuredCurve
+from rso_lidar.detector import MeasuredCurve, place_plate_m
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.evaluation.camera_calibration.curves_file import UNITS, CurvesFile, CurveTable
 from rso_lidar.export import check_declared_size, open_checked
 from rso_lidar.files import MOST_BYTES, check_regular, read_arrays, read_bytes, read_text
+from rso_lidar.scenario import Lidar
 
 TABLE_SUFFIXES = (".csv", ".npz", ".h5", ".hdf5", ".mat")
 _MOST_POINTS = 10_000  # of a curve; a longer table holds shots, not a curve
-_BENCH_M = 20.0  # into the range that a detector sees, where a plate without a range stands
-_SI = {
+SI = {
     "fraction": 1.0,
     "percent": 0.01,
     "m": 1.0,
@@ -37,32 +37,46 @@ _SI = {
 }
 
 
-def read_curves(file: CurvesFile, detector: AnyDetector) -> tuple[list[MeasuredCurve], list[str]]:
+class Tables:
+    """The tables of a curves file, each read once.
+
+    Parameters
+    ----------
+    folder : of the curves file
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._columns: dict[str, Mapping[str, np.ndarray]] = {}
+        self._sha256: dict[str, str] = {}
+
+    def read(self, file: str) -> Mapping[str, np.ndarray]:
+        """Return the columns of a table by name."""
+        if file not in self._columns:
+            path = self.folder / file
+            self._columns[file] = read_table(path)
+            self._sha256[file] = hashlib.sha256(read_bytes(path, MOST_BYTES, ScenarioError, "table")).hexdigest()
+        return self._columns[file]
+
+    def sha256(self, file: str) -> str:
+        """Return the SHA-256 of a table that was read."""
+        return self._sha256[file]
+
+
+def read_curves(file: CurvesFile, lidar: Lidar, tables: Tables) -> list[MeasuredCurve]:
     """Read the curves that a curves file describes.
 
     Parameters
     ----------
-    detector : that was measured, for what a curve does not state
-
-    Returns
-    -------
-    the curves, and the SHA-256 of the table of each.
+    lidar : that was measured, for what a curve does not state
+    tables : of the file
 
     Raises
     ------
     ScenarioError
         If a table cannot be read, lacks a column, or holds something that is not a measurement.
     """
-    curves = []
-    tables: dict[str, Mapping[str, np.ndarray]] = {}
-    sha256: dict[str, str] = {}
-    for table in file.curve:
-        path = file.folder / table.file
-        if table.file not in tables:
-            tables[table.file] = read_table(path)
-            sha256[table.file] = hashlib.sha256(read_bytes(path, MOST_BYTES, ScenarioError, "table")).hexdigest()
-        curves.append(_make_curve(table, tables[table.file], detector))
-    return curves, [sha256[table.file] for table in file.curve]
+    return [_make_curve(table, tables.read(table.file), lidar) for table in file.curve]
 
 
 def read_table(path: Path) -> Mapping[str, np.ndarray]:
@@ -131,7 +145,7 @@ def _read_mat(path: Path) -> dict[str, np.ndarray]:
     with path.open("rb") as stream:
         is_hdf5 = b"MATLAB 7.3" in stream.read(128)
     if is_hdf5:
-        return _read_hdf5(path)
+        return {name: values.T for name, values in _read_hdf5(path).items()}  # MATLAB stores columns first
     try:
         content = loadmat(path)
     except Exception as error:  # scipy has a dozen errors for damaged files
@@ -140,7 +154,7 @@ def _read_mat(path: Path) -> dict[str, np.ndarray]:
     return {name: values for name, values in content.items() if getattr(values, "dtype", np.dtype("O")).kind in "biuf"}
 
 
-def _make_curve(table: CurveTable, columns: Mapping[str, np.ndarray], detector: AnyDetector) -> MeasuredCurve:
+def _make_curve(table: CurveTable, columns: Mapping[str, np.ndarray], lidar: Lidar) -> MeasuredCurve:
     """Make a curve in SI units of the columns of a table."""
     where = f"{table.file}: {table.label}"
     value = _pick_numbers(where, table, columns, table.value, None)
@@ -157,13 +171,12 @@ def _make_curve(table: CurveTable, columns: Mapping[str, np.ndarray], detector: 
     if np.any(trials <= 0.0):
         raise ScenarioError(f"{where}: trials: {trials.min():g} is not above 0; give how many trials each point has")
     unit = table.unit or UNITS[table.quantity][0]
-    scale = np.full(n, _SI[unit])
+    scale = np.full(n, SI[unit])
     if unit == "hits":
         scale = 1.0 / trials
     if unit in ("hz", "khz"):
-        scale = _SI[unit] * trials
-    traits = detector.traits
-    range_m = pick(table.range_m, min(traits.sees_from_m + _BENCH_M, 0.5 * (traits.sees_from_m + traits.sees_to_m)))
+        scale = SI[unit] * trials
+    range_m = pick(table.range_m, place_plate_m(lidar.detector.traits, lidar.pulse))
     photons = pick(table.photons, 0.0) * table.photons_per_unit * 10.0 ** -pick(table.density, 0.0)
     value = value * scale
     if table.quantity in ("range_mean", "walk"):
@@ -206,24 +219,38 @@ def _pick_numbers(
     """Return a column, or a number for each of `n` points."""
     if not isinstance(given, str):
         return np.full(n or 1, float(given))
-    if given not in columns:
-        known = ", ".join(columns)
-        raise ScenarioError(f"{where}: has no column '{given}'{did_you_mean(given, columns)} (known: {known})")
-    column = columns[given]
+    column = find_column(where, columns, given)
     if column.ndim != 1:
         raise ScenarioError(f"{where}: column '{given}' has the shape {column.shape}; give one value for each point")
     if n is not None and len(column) != n:
         raise ScenarioError(f"{where}: column '{given}' has {len(column)} values and '{table.value}' {n}; give as many")
+    numbers = convert_cells(where, given, column)
+    if not np.isfinite(numbers).all():
+        k = int(np.argmin(np.isfinite(numbers)))
+        raise ScenarioError(
+            f"{where}: column '{given}': point {k + 1} is {numbers[k]}; correct it, or leave the point out"
+        )
+    return numbers
+
+
+def find_column(where: str, columns: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    """Return a column of a table by its name."""
+    if name not in columns:
+        known = ", ".join(columns)
+        raise ScenarioError(f"{where}: has no column '{name}'{did_you_mean(name, columns)} (known: {known})")
+    return columns[name]
+
+
+def convert_cells(where: str, name: str, column: np.ndarray) -> np.ndarray:
+    """Return the cells of a column as numbers; a text that is none is an error."""
+    if column.dtype.kind in "biuf":
+        return column.astype(float)
     numbers = np.empty(len(column))
     for k, cell in enumerate(column.tolist()):
         try:
             numbers[k] = float(cell)
         except ValueError:
             raise ScenarioError(
-                f"{where}: column '{given}': point {k + 1}: '{cell:.40}' is not a number; correct it"
+                f"{where}: column '{name}': point {k + 1}: '{cell:.40}' is not a number; correct it"
             ) from None
-        if not np.isfinite(numbers[k]):
-            raise ScenarioError(
-                f"{where}: column '{given}': point {k + 1} is {numbers[k]}; correct it, or leave the point out"
-            )
     return numbers

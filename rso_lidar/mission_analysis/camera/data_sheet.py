@@ -182,22 +182,22 @@ def data_sheet(camera: Lidar | Scenario | str, *, trials: int = 4000) -> CameraD
     lidar, _, name = select_camera(camera)
     detector, pulse, receiver = lidar.detector, lidar.pulse, lidar.receiver
     n_pixels = receiver.n_rows * receiver.n_cols
-    figures = list(list_camera_figures(detector, pulse, lidar.laser.wavelength_m, n_pixels))
+    quantities = list(list_camera_figures(detector, pulse, lidar.laser.wavelength_m, n_pixels))
     needed = estimate_detection_photons(detector, pulse, np.array(PROBABILITIES), trials)
-    figures += _list_detection(needed)
+    quantities += _list_detection(needed)
     half, certain = float(needed.photons[0]), float(needed.photons[PROBABILITIES.index(0.95)])
-    full = next((figure.value for figure in figures if figure.name == "saturation_photons"), math.inf)
+    full = next((quantity.value for quantity in quantities if quantity.name == "saturation_photons"), math.inf)
     curve = simulate_light_curve(detector, pulse, _choose_levels(half, full, detector.traits.threshold_photons), trials)
-    figures += _list_ranging(lidar, certain, full, trials)
-    figures.sort(key=lambda figure: figure.name in _AFTER_RANGE)
+    quantities += _list_ranging(lidar, certain, full, trials)
+    quantities.sort(key=lambda quantity: quantity.name in _AFTER_RANGE)
     if math.isfinite(half) and math.isfinite(full):
         formula = f"20 log10 of saturation over the photons of 50 % detection, {full / half:,.0f} : 1"
         ratio = 20.0 * math.log10(full / half)
-        place = next(k for k, figure in enumerate(figures) if figure.name == "saturation_photons") + 1
-        figures.insert(
+        place = next(k for k, quantity in enumerate(quantities) if quantity.name == "saturation_photons") + 1
+        quantities.insert(
             place, CameraFigure("dynamic_range_db", "dynamic range", ratio, "dB", "closed form", formula=formula)
         )
-    return CameraDataSheet(name, _describe_camera(lidar), tuple(figures), curve, tuple(_list_notes(lidar)))
+    return CameraDataSheet(name, _describe_camera(lidar), tuple(quantities), curve, tuple(_list_notes(lidar)))
 
 
 def _list_detection(needed: DetectionPhotons) -> Iterator[CameraFigure]:

@@ -37,7 +37,7 @@ _CURVE = (
 def write_data_sheet_page(
     camera: str,
     about: str,
-    figures: Sequence[CameraFigure],
+    quantities: Sequence[CameraFigure],
     curve: LightCurve,
     notes: Sequence[str],
     picture: Any,
@@ -47,19 +47,20 @@ def write_data_sheet_page(
 
     Parameters
     ----------
-    camera, about, figures, curve, notes : as in `CameraDataSheet`
+    camera, about, curve, notes : as in `CameraDataSheet`
+    quantities : its figures
     picture : its figure of matplotlib
     """
     rows = [
         (
-            escape(figure.meaning),
-            escape(format_value(figure)),
-            escape(format_interval(figure)),
-            escape(figure.how),
-            escape(figure.formula),
-            f"<code>{escape(figure.name)}</code>",
+            escape(quantity.meaning),
+            escape(format_value(quantity)),
+            escape(format_interval(quantity)),
+            escape(quantity.how),
+            escape(quantity.formula),
+            f"<code>{escape(quantity.name)}</code>",
         )
-        for figure in figures
+        for quantity in quantities
     ]
     version = importlib.metadata.version("rso-lidar")
     body = [

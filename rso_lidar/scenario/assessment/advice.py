@@ -42,7 +42,7 @@ def advise(mission: Mission, preview: Preview | None = None) -> list[str]:
     lines += _advise_on_field(mission, preview)
     lines += _advise_on_plans(mission)
     lines += _advise_on_window(mission, preview)
-    lines += detector.advise(mission.lidar.detector, mission.instrument.laser.pulse_fwhm_s)
+    lines += detector.advise(mission.instrument.detector, mission.instrument.laser.pulse_fwhm_s)
     lines += _advise_on_calibration(mission)
     lines += advise_on_separations(mission, preview)
     lines += _advise_on_lens(mission)
@@ -79,7 +79,7 @@ def _advise_on_calibration(mission: Mission) -> list[str]:
     if calibration is None:
         return []
     lines = []
-    if changed := calibration.list_overridden(mission.lidar.detector):
+    if changed := calibration.list_overridden(mission.instrument.detector):
         names = ", ".join(f"lidar.detector.{name}" for name in changed)
         lines.append(
             f"{names} {'is' if len(changed) == 1 else 'are'} not as the calibration '{calibration.name}' has it; leave it "

@@ -190,9 +190,9 @@ def _describe_optional_optics(mission: Mission) -> list[str]:
 def _describe_detector(mission: Mission) -> list[str]:
     """Describe the detector. Separations of listed returns stand before the last line, which is about its window."""
     receiver = mission.lidar.receiver
-    lines = detector.describe(mission.lidar.detector, receiver.n_rows * receiver.n_cols)
+    lines = detector.describe(mission.instrument.detector, receiver.n_rows * receiver.n_cols)
     if (calibration := mission.lidar.calibration) is not None:
-        names = ", ".join(constant.name for constant in calibration.constants)
+        names = ", ".join(constant.name for constant in calibration.constants) or "maps of the pixels"
         fitted = f"  fitted    {names}: calibration '{calibration.name}' of {calibration.date_utc:%Y-%m-%d}"
         lines = [lines[0], fitted, *lines[1:]]
     first = max(len(lines) - 1, 1)

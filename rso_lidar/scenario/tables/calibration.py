@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
 
 from rso_lidar.detector import AnyDetector, get_constant
+from rso_lidar.errors import ScenarioError
+from rso_lidar.files import MOST_BYTES, read_bytes
 from rso_lidar.part import Fraction, Instant, NotNegative, Number, Part, Positive, Text
 
 
@@ -20,12 +24,12 @@ class CalibratedConstant(Part):
 
 
 class CalibrationData(Part):
-    """A measured curve that constants were fitted to."""
+    """A measured curve or map that constants were fitted to."""
 
     table: Text = Field(description="Name of the table that was read.")
     sha256: Annotated[Text, Field(pattern="^[0-9a-f]{64}$")] = Field(description="SHA-256 of that table.")
     quantity: Text = Field(description="What was measured, such as `detection_rate`.")
-    points: Annotated[int, Field(ge=1)] = Field(description="Number of points of the curve.")
+    points: Annotated[int, Field(ge=1)] = Field(description="Number of points of the curve, or of pixels of the map.")
     p_value: Fraction = Field(description="Probability of a worse fit of this curve, were the model true.")
 
 
@@ -45,15 +49,19 @@ class Calibration(Part):
     chi2: NotNegative = Field(description="Sum of the squared residuals of all points.")
     freedom: Positive = Field(description="Degrees of freedom of that sum.")
     p_value: Fraction = Field(description="Probability of a worse fit, were the model true.")
+    maps_sha256: Annotated[Text, Field(pattern="^[0-9a-f]{64}$")] | None = Field(
+        default=None,
+        description="SHA-256 of the file of maps that `detector.maps.file` names. If omitted, there is none.",
+    )
     constants: tuple[CalibratedConstant, ...] = Field(description="The fitted constants.")
-    data: tuple[CalibrationData, ...] = Field(description="The measured curves.")
+    data: tuple[CalibrationData, ...] = Field(description="The measured curves and maps.")
 
     def list_overridden(self, detector: AnyDetector) -> list[str]:
-        """Return the names of the fitted constants that a detector does not have, or has with another value.
+        """Return the names of the fitted constants that a detector has with another value, and of a file of other maps.
 
         Parameters
         ----------
-        detector : of the scenario that takes the calibration
+        detector : of the scenario that takes the calibration, with the path of its file of maps
         """
         changed = []
         for constant in self.constants:
@@ -63,4 +71,12 @@ class Calibration(Part):
                 value = None
             if value != constant.value:
                 changed.append(constant.name)
+        if self.maps_sha256 is not None and _hash_maps(detector) != self.maps_sha256:
+            changed.append("maps.file")
         return changed
+
+
+def _hash_maps(detector: AnyDetector) -> str | None:
+    """Return the SHA-256 of the file of maps of a detector; None where it names none."""
+    file = getattr(getattr(detector, "maps", None), "file", None)
+    return None if file is None else hashlib.sha256(read_bytes(Path(file), MOST_BYTES, ScenarioError)).hexdigest()

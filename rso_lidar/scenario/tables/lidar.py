@@ -14,6 +14,7 @@ from rso_lidar.detector import (
     Gsfl,
     LaserPulse,
     ThresholdCondition,
+    check_maps,
     check_noise,
     check_size,
     check_traits,
@@ -231,7 +232,7 @@ class Lidar(Part):
 def _merge_tables(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Merge the user's table into that of a preset, key by key; a part of another type replaces the preset's whole."""
     result = dict(preset)
-    for part, name in list_determined(given):  # by the words of a data sheet, or by a condition
+    for part, name in list_determined(given):  # by the entries of a data sheet, or by a condition
         if part is None:
             result.pop(name, None)
         elif isinstance(result.get(part), Mapping):
@@ -287,3 +288,4 @@ def check_instrument(lidar: Lidar) -> None:
     for receiver in lenses:
         read_files(lidar.laser, receiver)
     check_size(lidar.detector, lidar.laser.pulse_fwhm_s, lidar.receiver.n_rows * lidar.receiver.n_cols)
+    check_maps(lidar.detector, (lidar.receiver.n_rows, lidar.receiver.n_cols))

@@ -31,7 +31,8 @@ def load_preset_file(name: str, folder: Path | None = None) -> dict[str, Any]:
     Returns
     -------
     dict
-        TOML tables by key: laser, receiver, detector, calibration.
+        TOML tables by key: laser, receiver, detector, calibration. Files that stand beside the preset have their paths from
+        `folder`.
 
     Raises
     ------
@@ -51,4 +52,23 @@ def load_preset_file(name: str, folder: Path | None = None) -> dict[str, Any]:
             f"{path.name}: is not a preset file: it {what} (known: {', '.join(_TABLES)}); write one with "
             "`rso-lidar camera fit`"
         )
-    return tables
+    return _place_files(tables, Path(name).parent, path.parent)
+
+
+def _place_files(tables: dict[str, Any], named: Path, folder: Path) -> dict[str, Any]:
+    """Return the tables of a preset with the files that stand beside it by their paths from the scenario.
+
+    Parameters
+    ----------
+    named : folder of the preset as the scenario names it
+    folder : the same as it was found
+    """
+    result: dict[str, Any] = {}
+    for key, value in tables.items():
+        if isinstance(value, dict):
+            result[key] = _place_files(value, named, folder)
+        elif isinstance(value, str) and (key == "file" or key.endswith("_file")) and (folder / value).is_file():
+            result[key] = str(named / value)
+        else:
+            result[key] = value
+    return result

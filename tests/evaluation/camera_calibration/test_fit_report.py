@@ -35,7 +35,7 @@ def test_the_picture_has_measured_points_over_both_lines_and_residuals_below(cam
 def test_the_page_has_constants_curves_and_points(camera):
     page = write_fit_report(camera)
     assert "<b>Accepted.</b>" in page
-    assert "Nothing that these curves show" in page
+    assert "Nothing that these measurements show" in page
     for constant in camera.fit.constants:
         assert f"<code>{constant.name}</code>" in page
     assert (

@@ -7,13 +7,16 @@ from rso_lidar import units
 from rso_lidar.detector import Empirical
 from rso_lidar.errors import ScenarioError
 from rso_lidar.evaluation import CurvesFile
-from rso_lidar.evaluation.camera_calibration.measured_tables import read_curves, read_table
+from rso_lidar.evaluation.camera_calibration.measured_tables import Tables, read_curves, read_table
+from rso_lidar.scenario import Lidar
 from tests.evaluation.camera_calibration.bench_for_tests import CURVES, make_table, write_bench, write_csv
+
+LIDAR = Lidar(receiver={"fov_deg": 2.5, "f_number": 2.8}, detector=Empirical())
 
 
 def read(folder, text=CURVES, columns=None):
     write_bench(folder, text, columns)
-    return read_curves(CurvesFile.load(folder / "curves.toml"), Empirical())[0]
+    return read_curves(CurvesFile.load(folder / "curves.toml"), LIDAR, Tables(folder))
 
 
 def test_filters_and_hits_become_photons_and_rates(tmp_path):
@@ -111,7 +114,7 @@ def test_a_cell_without_a_number_is_named(tmp_path):
     text = (tmp_path / "rate.csv").read_text(encoding="utf-8").replace("4000.0", "many", 1)
     (tmp_path / "rate.csv").write_text(text, encoding="utf-8")
     with pytest.raises(ScenarioError, match="column 'hits': point 1: 'many' is not a number"):
-        read_curves(CurvesFile.load(tmp_path / "curves.toml"), Empirical())
+        read_curves(CurvesFile.load(tmp_path / "curves.toml"), LIDAR, Tables(tmp_path))
 
 
 def test_a_table_of_many_columns_is_read_once_by_name(tmp_path):
