@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar.detector import ConstantFit, FittedCurve, fit_constants
+from rso_lidar.detector import ConstantFit, FittedCurve, fit_constants, get_constant, list_assumed_settings
 from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.evaluation.camera_calibration.curves_file import CurvesFile
 from rso_lidar.evaluation.camera_calibration.measured_tables import read_curves
 from rso_lidar.files import align_columns, write_text
 from rso_lidar.part import dump_part, python_objects
-from rso_lidar.scenario import CalibratedConstant, Calibration, CalibrationData, Lidar
+from rso_lidar.scenario import AssumedSetting, CalibratedConstant, Calibration, CalibrationData, Lidar
 
 _LIBRARIES = ("numpy", "scipy", "numba")
 _FAR = 3.0  # standard errors from which a point is named
@@ -62,6 +62,9 @@ class CameraFit:
                 CalibratedConstant(name=free.name, value=free.value, low=free.low, high=free.high)
                 for free in fit.constants
             ),
+            assumed=tuple(
+                AssumedSetting(name=name, value=get_constant(fit.detector, name)) for name in self._list_assumed()
+            ),
             data=tuple(
                 CalibrationData(
                     table=table.file,
@@ -73,6 +76,13 @@ class CameraFit:
                 for table, sha256, curve in zip(self.file.curve, self.hashes, fit.curves, strict=True)
             ),
         )
+
+    def _list_assumed(self) -> list[str]:
+        """Return the names of the settings that neither the fit nor the bench's scenario gave."""
+        bench = self.lidar.calibration  # of an earlier fit
+        unstated = [] if bench is None else bench.list_assumed(self.fit.detector)
+        fitted = [constant.name for constant in self.fit.constants]
+        return [name for name in list_assumed_settings(self.fit.detector, unstated) if name not in fitted]
 
     def list_misfits(self) -> list[str]:
         """Return what the fitted detector cannot reproduce, a line for each curve: its worst points."""

@@ -197,7 +197,9 @@ def _describe_detector(mission: Mission) -> list[str]:
         lines = [lines[0], fitted, *lines[1:]]
     first = max(len(lines) - 1, 1)
     lidar = mission.lidar
-    foreign = detector.describe_foreign_constants(lidar.detector, lidar.pulse, lidar.laser.wavelength_m)
+    foreign = detector.describe_foreign_constants(
+        lidar.detector, lidar.pulse, lidar.laser.wavelength_m, lidar.unstated_settings
+    )
     solved = [f"  constants {line}" for line in foreign]
     return [*lines[:first], *_describe_detection(mission), *solved, *describe_separations(mission), *lines[first:]]
 
