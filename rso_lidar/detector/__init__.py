@@ -21,7 +21,7 @@ if TYPE_CHECKING:
         simulate_light_curve,
     )
     from rso_lidar.detector.bench.pixel_prediction import predict_pixels
-    from rso_lidar.detector.bench.prediction import find_photons, predict
+    from rso_lidar.detector.bench.prediction import find_photons, find_saturation_photons, predict
     from rso_lidar.detector.bench.range_resolution import SIGNAL_OVER_THRESHOLD, simulate_separations
     from rso_lidar.detector.bench.trial import Surroundings, Trial, make_plate, make_point_returns, run_trial
     from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
@@ -141,6 +141,7 @@ __all__ = [
     "estimate_k_of_n",
     "false_alarm_probability",
     "find_photons",
+    "find_saturation_photons",
     "fit_constants",
     "frame_jitter_s",
     "get_constant",
