@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         place_plate_m,
         simulate_light_curve,
     )
+    from rso_lidar.detector.bench.long_traces import simulate_long_traces
     from rso_lidar.detector.bench.pixel_prediction import predict_pixels
     from rso_lidar.detector.bench.prediction import find_photons, find_saturation_photons, predict
     from rso_lidar.detector.bench.range_resolution import SIGNAL_OVER_THRESHOLD, simulate_separations
@@ -162,6 +163,7 @@ __all__ = [
     "report_probability",
     "run_trial",
     "simulate_light_curve",
+    "simulate_long_traces",
     "simulate_separations",
     "simulate_walk_curve",
     "solve_threshold",

@@ -94,7 +94,9 @@ def read_pixset(recording: str | Path, *, flashes: int = 20) -> Iterator[RawWave
             for gain in GAINS:
                 table = flash.get(gain) if isinstance(flash, Mapping) else None
                 if not isinstance(table, Mapping) or not isinstance(table.get("data"), np.ndarray):
-                    raise ScenarioError(f"{where}: has no array '{gain}.data'; give the waveforms (ftrr) of a recording")
+                    raise ScenarioError(
+                        f"{where}: has no array '{gain}.data'; give the waveforms (ftrr) of a recording"
+                    )
                 if "time_base_delays" not in table and first_m is None:
                     first_m = _read_first_ranges(path)
                 yield _make_set(table, gain, first_m or {}, f"{where}: {gain}")
@@ -169,7 +171,12 @@ def _read_first_ranges(waveforms: Path) -> dict[str, float]:
 def _make_set(table: Mapping[str, Any], gain: str, first_m: Mapping[str, float], where: str) -> RawWaveforms:
     """Make the waveforms of one gain: without the copies of the first sample that fill their start."""
     data = table["data"]
-    if data.ndim != 2 or data.dtype.kind not in "iuf" or data.shape[1] < 2 * _DARK_SAMPLES or not np.isfinite(data).all():
+    if (
+        data.ndim != 2
+        or data.dtype.kind not in "iuf"
+        or data.shape[1] < 2 * _DARK_SAMPLES
+        or not np.isfinite(data).all()
+    ):
         raise ScenarioError(
             f"{where}: 'data' is {data.dtype} {data.shape}, not numbers (channel, sample) with at least "
             f"{2 * _DARK_SAMPLES} samples; download it again"
@@ -190,4 +197,6 @@ def _make_set(table: Mapping[str, Any], gain: str, first_m: Mapping[str, float],
     dark = _DARK_SAMPLES - fill
     if len(known) and known.max() < 0.0:  # where delays are unknown, the publisher's reader has 0
         dark = int(np.floor(-known.max() / sample_s)) - _EARLY_SAMPLES
-    return RawWaveforms(gain, data[:, fill:].astype(float), sample_s, delay_s, min(max(dark, 0), data.shape[1] - fill))
+    return RawWaveforms(
+        gain, data[:, fill:].astype(np.float32), sample_s, delay_s, min(max(dark, 0), data.shape[1] - fill)
+    )

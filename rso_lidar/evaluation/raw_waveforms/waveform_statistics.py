@@ -32,7 +32,8 @@ class WaveformStatistics:
     traces : number of waveforms
     sample_s : time between samples [s]
     noise_counts : median over the channels of the rms noise in the dark [counts]
-    noise_kurtosis : mean fourth power of the noise over its squared variance, less 3: 0 for normal noise
+    noise_kurtosis : mean fourth power of the noise over its squared variance in each channel, less 3. Normal noise has 0,
+        less some 6 over the number of independent samples in the dark
     noise_correlation : (lag) correlation of samples 1, 2, ... apart
     pulses : number of clear pulses that do not clip
     fwhm_s : full width at half maximum that a quarter of them has at most [s]
@@ -95,7 +96,7 @@ def measure_waveforms(name: str, sets: Iterable[RawWaveforms]) -> WaveformStatis
                 "give waveforms that begin earlier"
             )
         sample_s, traces = raw.sample_s, traces + len(raw.samples_counts)
-        dark = raw.samples_counts[:, : raw.dark_samples]
+        dark = raw.samples_counts[:, : raw.dark_samples].astype(float)
         baseline = dark.mean(axis=1, keepdims=True)
         moments.append(_sum_moments(dark - baseline))
         noise.append(dark.std(axis=1, ddof=1))
@@ -105,9 +106,13 @@ def measure_waveforms(name: str, sets: Iterable[RawWaveforms]) -> WaveformStatis
         is_clipped = (run >= _PLATEAU) & (top > clear)
         levels.append(top[is_clipped])
         recovery += [_measure_recovery(row, sample_s) for row in signal[is_clipped]]
-        pulses += [pulse for row in signal[~is_clipped & (top > clear)] if (pulse := _cut_pulse(row, sample_s)) is not None]
+        pulses += [
+            pulse for row in signal[~is_clipped & (top > clear)] if (pulse := _cut_pulse(row, sample_s)) is not None
+        ]
     if not traces or not (noise_counts := float(np.median(np.concatenate(noise)))) > 0.0:
-        raise ScenarioError(f"{name}: its samples before the light have no noise; give raw waveforms, not processed ones")
+        raise ScenarioError(
+            f"{name}: its samples before the light have no noise; give raw waveforms, not processed ones"
+        )
     square, fourth, lagged, count = (sum(values) for values in zip(*moments, strict=True))
     fwhm_s, shape = _average_pulses(pulses)
     level = np.concatenate(levels)
@@ -116,8 +121,8 @@ def measure_waveforms(name: str, sets: Iterable[RawWaveforms]) -> WaveformStatis
         name,
         traces,
         sample_s,
-        noise_counts,
-        float(fourth / count / (square / count) ** 2 - 3.0),
+        noise_counts * math.sqrt(square / count),
+        float(fourth / count - 3.0),
         np.asarray(lagged / square),
         len(pulses),
         fwhm_s,
@@ -134,10 +139,12 @@ def _sum_moments(dark: np.ndarray) -> tuple[float, float, np.ndarray, int]:
     """Sum second and fourth powers of noise in units of each channel's rms, and products of samples some lags apart."""
     rms = dark.std(axis=1, keepdims=True)
     unit = dark[rms[:, 0] > 0.0] / rms[rms[:, 0] > 0.0]
-    n = unit.shape[1]
-    # The mean of n samples that is subtracted takes 1/n off each correlation; products of a lag are fewer than squares.
-    lagged = [float((unit[:, :-lag] * unit[:, lag:]).sum()) * n / (n - lag) + len(unit) for lag in range(1, LAGS + 1)]
-    return float((unit**2).sum()) + len(unit), float((unit**4).sum()), np.array(lagged), unit.size
+    lag, n = np.arange(1, LAGS + 1), unit.shape[1]
+    lagged = np.array([(unit[:, :-k] * unit[:, k:]).mean() for k in lag.tolist()]) if len(unit) else np.zeros(LAGS)
+    # The mean of n samples was subtracted, whose variance follows from the correlation itself.
+    weight = 1.0 - lag / n
+    missing = (1.0 + 2.0 * (weight * lagged).sum()) / n / (1.0 - (1.0 + 2.0 * weight.sum()) / n)
+    return (1.0 + missing) * unit.size, float((unit**4).sum()), (lagged + missing) * unit.size, unit.size
 
 
 def _find_longest_top(signal: np.ndarray) -> np.ndarray:
@@ -161,7 +168,7 @@ def _measure_recovery(row: np.ndarray, sample_s: float) -> float:
 
 
 def _cut_pulse(row: np.ndarray, sample_s: float) -> tuple[float, np.ndarray] | None:
-    """Return full width at half maximum [s] and shape over `_GRID` of the highest pulse; None unless it is whole and alone."""
+    """Return full width at half maximum [s] and shape over `_GRID` of the highest pulse; None unless whole and alone."""
     k = int(row.argmax())
     reach = round(_REACH_S / sample_s)
     if not 2 <= k < len(row) - 2:
