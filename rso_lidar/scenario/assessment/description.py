@@ -191,17 +191,17 @@ def _describe_detector(mission: Mission) -> list[str]:
     """Describe the detector. Separations of listed returns stand before the last line, which is about its window."""
     receiver = mission.lidar.receiver
     lines = detector.describe(mission.lidar.detector, receiver.n_rows * receiver.n_cols)
-    first, fitted = max(len(lines) - 1, 1), []
     if (calibration := mission.lidar.calibration) is not None:
         names = ", ".join(constant.name for constant in calibration.constants)
-        fitted = [f"  fitted    {names}: calibration '{calibration.name}' of {calibration.date_utc:%Y-%m-%d}"]
+        fitted = f"  fitted    {names}: calibration '{calibration.name}' of {calibration.date_utc:%Y-%m-%d}"
+        lines = [lines[0], fitted, *lines[1:]]
+    first = max(len(lines) - 1, 1 if calibration is None else 2)
     lidar = mission.lidar
     foreign = detector.describe_foreign_constants(
         lidar.detector, lidar.pulse, lidar.laser.wavelength_m, lidar.unstated_settings
     )
     solved = [f"  constants {line}" for line in foreign]
-    before = [lines[0], *fitted, *lines[1:first]]
-    return [*before, *_describe_detection(mission), *solved, *describe_separations(mission), *lines[first:]]
+    return [*lines[:first], *_describe_detection(mission), *solved, *describe_separations(mission), *lines[first:]]
 
 
 def _describe_detection(mission: Mission) -> list[str]:
