@@ -154,14 +154,14 @@ def compare_waveforms(recording: str | Path, lidar: Lidar, *, flashes: int = 20)
     """
     sets = list(read_pixset(recording, flashes=flashes))
     measured = tuple(measure_waveforms(f"{gain} gain", [raw for raw in sets if raw.gain == gain]) for gain in GAINS)
+    dark_samples = min(raw.dark_samples for raw in sets)
+    waveforms, dark_samples = simulate_long_traces(lidar.detector, lidar.pulse, _TRACES, dark_samples)
     recorded_s, own_s = measured[0].sample_s, lidar.detector.traits.clock_s
     if not math.isclose(recorded_s, own_s, rel_tol=_SAME_CLOCK):
         raise ScenarioError(
             f"{recording}: has samples every {recorded_s / units.NS:.4g} ns, and the camera every {own_s / units.NS:.4g}; "
             f"set lidar.detector.readout.sample_ns={recorded_s / units.NS:.4g}"
         )
-    dark_samples = min(raw.dark_samples for raw in sets)
-    waveforms, dark_samples = simulate_long_traces(lidar.detector, lidar.pulse, _TRACES, dark_samples)
     simulated = RawWaveforms(
         "simulated", waveforms.samples_counts.astype(float), waveforms.sample_s, waveforms.start_s, dark_samples
     )
