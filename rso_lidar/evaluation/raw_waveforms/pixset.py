@@ -17,7 +17,7 @@ import re
 import zipfile
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +34,26 @@ _SAMPLE_S = 1.0 / (8 * 100e6)  # 8 times 100 MHz: 0.18737 m, as the published no
 _DARK_SAMPLES = 64  # assumed where no delay is known; in the notebook, 121 samples precede emission
 _EARLY_SAMPLES = 16  # before emission, which a pulse of some 20 ns may already reach
 _MOST_FILE_BYTES = 64 * 2**30  # a recording has gigabytes
+_BROKEN = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, NotImplementedError)  # by damage
+
+
+class _Function(tuple[Callable[..., Any]]):
+    """A function that a pickle can call, and whose attributes it cannot set."""
+
+    __slots__ = ()
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function."""
+        return self[0](*arguments)
+
+
 # What a pickle may name: arrays and numbers of NumPy, in the words of its versions 1 and 2.
 _ARRAY, _NUMBER = np.empty(0).__reduce__()[0], np.float64(0.0).__reduce__()[0]
-_BUFFER = np.empty(1).__reduce_ex__(5)[0]
+_BUFFER: Any = np.empty(1).__reduce_ex__(5)[0]
 _ALLOWED: Mapping[tuple[str, str], Any] = {
     ("numpy", "ndarray"): np.ndarray,
     ("numpy", "dtype"): np.dtype,
-    ("_codecs", "encode"): lambda text, encoding="latin1": text.encode("latin1"),  # bytes in pickles of protocol 2
+    ("_codecs", "encode"): _Function((lambda text, *_: text.encode("latin1"),)),  # bytes in pickles of protocol 2
     ("collections", "OrderedDict"): OrderedDict,
     **{
         (f"numpy.{core}.{module}", name): function
@@ -48,7 +61,7 @@ _ALLOWED: Mapping[tuple[str, str], Any] = {
         for module, name, function in (
             ("multiarray", "_reconstruct", _ARRAY),
             ("multiarray", "scalar", _NUMBER),
-            ("numeric", "_frombuffer", _BUFFER),
+            ("numeric", "_frombuffer", _Function((_BUFFER,))),
         )
     },
 }
@@ -105,11 +118,11 @@ def read_pixset(recording: str | Path, *, flashes: int = 20) -> Iterator[RawWave
 def _find_waveforms(recording: Path) -> Path:
     """Return the file of waveforms of a recording."""
     if recording.is_dir():
-        found = sorted(recording.glob(f"*{_WAVEFORMS}"))
-        if len(found) != 1:
-            names = ", ".join(file.name for file in found) or "none"
+        files = sorted(recording.glob(f"*{_WAVEFORMS}"))
+        if len(files) != 1:
+            names = ", ".join(file.name for file in files) or "none"
             raise ScenarioError(f"{recording}: needs one file *{_WAVEFORMS}, and has {names}; name the file itself")
-        return found[0]
+        return files[0]
     check_regular(recording, _MOST_FILE_BYTES, ScenarioError, "PixSet recording")
     return recording
 
@@ -143,9 +156,6 @@ def _read_pickle(archive: zipfile.ZipFile, name: str, where: str) -> Any:
     except (MemoryError, RecursionError, *_BROKEN) as error:
         reason = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
         raise ScenarioError(f"{where}: is a damaged pickle ({reason}); download it again") from None
-
-
-_BROKEN = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, NotImplementedError)
 
 
 def _read_first_ranges(waveforms: Path) -> dict[str, float]:

@@ -84,6 +84,16 @@ def test_a_pickle_that_would_run_code_is_refused(tmp_path, capsys):
     assert capsys.readouterr().out == ""
 
 
+def test_a_pickle_cannot_change_what_reads_it(tmp_path):
+    """BUILD would set attributes of a function that later pickles call."""
+    state = b"(N}X\x0c\x00\x00\x00__defaults__)st"  # (None, {"__defaults__": ()})
+    for name in (b"cnumpy.core.numeric\n_frombuffer\n", b"c_codecs\nencode\n", b"cnumpy\nndarray\n"):
+        path = write_pickles(tmp_path / "pixell_bfc_ftrr.zip", [b"\x80\x02" + name + state + b"b."])
+        with pytest.raises(ScenarioError, match="is a damaged pickle"):
+            list(read_pixset(path))
+    assert np.frombuffer(b"", "u1").size == 0 and np.empty(1).__reduce_ex__(5)[0].__defaults__ != ()
+
+
 def set_low(**changes):
     def change(flash):
         flash["low"].update(changes)
