@@ -1035,7 +1035,9 @@ def scan_lines() -> Any:
     least_step = 5.0 * receiver.sampling_error
     contours = rl.scene.contours([surface], truth, least_step)
     images = image_contours(receiver, laser, contours)
-    _, within, _ = cut_contours(*images, (row, row + 1, col, col + 1), np.empty((4, 0, 0)), 0)  # hidden ones, too
+    _, within, _ = cut_contours(
+        *images, np.ones((1, 1), np.int64), row, col, np.empty((4, 0, 0)), 0
+    )  # hidden ones, too
     starts, along = within[:, None, :2], within[:, None, 2:4] - within[:, None, :2]
     share = np.arange(60)[:, None] / 60.0
     pieces = np.stack([starts + share * along, starts + (share + 1.0 / 60.0) * along], axis=2).reshape(-1, 2, 2)

@@ -32,7 +32,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from rso_lidar.errors import RsoLidarError, RunError, ScenarioError
+from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.interruption import defer_signals, make_temporary_folder, remove_on_signal
 
 LOCAL = "local"  # a scheduler of dask that is started here
@@ -387,19 +387,18 @@ def _hold(name: str, content: Path | bytes) -> Callable[..., Any]:
 
 
 @contextmanager
-def open_dask_client(scheduler: str, workers: int, error: type[RsoLidarError] = ScenarioError) -> Iterator[Any]:
-    """Yield a client of dask.
+def open_dask_client(scheduler: str, workers: int) -> Iterator[Any]:
+    """Yield a client of dask, or raise `ScenarioError` if dask is not installed or no scheduler answers.
 
     Parameters
     ----------
     scheduler : address of a running scheduler, such as ``tcp://10.0.0.1:8786``, or ``local``
-    error : raised if dask is not installed, or no scheduler answers
     """
     try:
         dask: Any = importlib.import_module("dask")
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
-        raise error('--engine dask: needs dask; install the extra: pip install "rso-lidar[dask]"') from None
+        raise ScenarioError('--engine dask: needs dask; install the extra: pip install "rso-lidar[dask]"') from None
     with ExitStack() as stack:
         settings = {
             "distributed.scheduler.allowed-failures": _LOST_WORKERS,
@@ -420,7 +419,7 @@ def open_dask_client(scheduler: str, workers: int, error: type[RsoLidarError] = 
                 client = stack.enter_context(distributed.Client(scheduler, timeout=_CONNECT_S))
         except (OSError, ValueError) as problem:
             said = " ".join(str(problem).split())
-            raise error(
+            raise ScenarioError(
                 f"--scheduler {scheduler}: no scheduler answers ({said:.120}); start one, or take local"
             ) from None
         yield client

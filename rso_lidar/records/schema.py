@@ -129,7 +129,7 @@ class Record:
             if value is None:
                 shapes.append(None)
                 continue
-            if type(value) is np.ndarray and value.dtype is spec.dtype:  # most of them: nothing to convert
+            if type(value) is np.ndarray and value.dtype == spec.dtype:  # most of them: nothing to convert
                 values = value.view()
                 values.setflags(write=False)
             else:
@@ -141,7 +141,7 @@ class Record:
     def _convert(self, name: str, value: Any, dtype: np.dtype[Any]) -> np.ndarray:
         """Return a value as a read-only array, or raise an error if the conversion would change it."""
         try:
-            if getattr(value, "dtype", None) is not dtype:
+            if getattr(value, "dtype", None) != dtype:
                 _check_conversion(value, dtype)
             return locked(value, dtype)
         except (TypeError, ValueError, OverflowError):

@@ -7,15 +7,13 @@ bytes to a file of its own and renames it.
 
 from __future__ import annotations
 
-import importlib
 import importlib.metadata
 import json
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from rso_lidar.dataset.drawing.plan import DatasetPlan, ShardPlace, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample, list_ends
@@ -25,13 +23,12 @@ from rso_lidar.dataset.reading.random_access import Dataset
 from rso_lidar.dataset.shards.manifest import ShardRecord, append_record, read_manifest
 from rso_lidar.dataset.shards.shard_file import hash_file, write_shard
 from rso_lidar.dataset.specification.spec import DatasetSpec
-from rso_lidar.errors import DatasetError, RsoLidarError, RunError, suppress_warnings
+from rso_lidar.errors import DatasetError, suppress_warnings
 from rso_lidar.files import convert_path, hold_lock
-from rso_lidar.processes import map_unordered, open_dask_client
+from rso_lidar.processes import map_unordered, open_executor
 
 _TRIED = 40  # samples that are drawn before the first shard, so that a wrong law is found at once
 _LIBRARIES = ("rso-lidar", "numpy", "scipy", "numba", "embreex")
-_WAITING = 4  # tasks for each worker that are known to the scheduler: memory stays flat for any number of shards
 
 
 def make(
@@ -70,7 +67,8 @@ def make(
     Raises
     ------
     ScenarioError, DatasetError
-        For a specification that is not valid, and for a folder that holds something else.
+        For a specification that is not valid, for a folder that holds something else, and for a scheduler that does not
+        answer.
     RunError
         If writing fails, or a worker ends early.
     """
@@ -101,13 +99,12 @@ def _make_shards(
     left = [number for number in chosen if not _is_finished(plan, place, number, finished)]
     tell = on_shard or (lambda done, count: None)
     tell(len(chosen) - len(left), len(chosen))
-    if scheduler is None:
-        records = map_unordered(partial(make_shard, plan, place), map(plan.shard, left), min(workers, len(left)))
-    else:
-        records = make_shards_by_dask(plan, place, left, workers, scheduler)
-    for done, record in enumerate(records, len(chosen) - len(left) + 1):
-        append_record(place, record, plan.sha256)
-        tell(done, len(chosen))
+    with open_executor(None if scheduler is None else workers, scheduler=scheduler) as executor:
+        make_one = partial(make_shard, plan, place if executor is None else place.resolve())
+        records = map_unordered(make_one, map(plan.shard, left), min(workers, len(left)), executor)
+        for done, record in enumerate(records, len(chosen) - len(left) + 1):
+            append_record(place, record, plan.sha256)
+            tell(done, len(chosen))
     remove_drafts(place, read_manifest(place, plan.sha256))
 
 
@@ -184,45 +181,3 @@ def make_shard(plan: DatasetPlan, folder: Path, place: ShardPlace) -> ShardRecor
     write_shard(path, frames, drawn, list_names(plan), dataset=plan.sha256)
     versions = json.dumps({name: importlib.metadata.version(name) for name in _LIBRARIES})
     return ShardRecord(place.path, len(frames), len(place.samples), path.stat().st_size, hash_file(path), versions)
-
-
-def make_shards_by_dask(
-    plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers: int, scheduler: str
-) -> Iterator[ShardRecord]:
-    """Make shards on a cluster of dask and yield the record of each when it is finished, in any order.
-
-    Parameters
-    ----------
-    workers : number of processes of a local cluster
-    scheduler : address of a running scheduler, such as ``tcp://10.0.0.1:8786``, or ``local``
-
-    Raises
-    ------
-    DatasetError
-        If dask is not installed, or no scheduler answers.
-    RunError
-        If a shard fails, or is lost with one worker after another.
-    """
-    with open_dask_client(scheduler, workers, DatasetError) as client:
-        distributed: Any = importlib.import_module("distributed")
-        left = list(numbers)
-        place = folder.resolve()
-
-        def submit() -> Any:
-            number = left.pop(0)
-            return client.submit(
-                make_shard, plan, place, plan.shard(number), key=f"shard-{plan.sha256[:8]}-{number}", retries=2
-            )
-
-        count = max(1, len(client.scheduler_info()["workers"])) * _WAITING
-        done = distributed.as_completed([submit() for _ in range(min(count, len(left)))])
-        for future in done:
-            if future.status == "error":
-                failed = future.exception()
-                if isinstance(failed, RsoLidarError):
-                    raise failed
-                raise RunError(f"dask: a shard failed ({type(failed).__name__}: {failed}); make with --resume")
-            yield future.result()
-            future.release()
-            if left:
-                done.add(submit())

@@ -143,18 +143,21 @@ def cut_contours(
     ends: np.ndarray,
     steps: np.ndarray,
     per_depth: np.ndarray,
-    window: tuple[int, int, int, int],
+    sides: np.ndarray,
+    top: int,
+    left: int,
     fronts: np.ndarray,
     per_side: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cut contours into the pieces that lie within single pixels, and leave out those that are hidden.
+    """Cut contours into the pieces that lie within single pixels of a window, and leave out those that are hidden.
 
     Parameters
     ----------
     ends : (contour, 4) column and row of the first end, then of the second [pixels]
     steps : (contour) steps of light
     per_depth : (contour, 2) 1/z of both ends [1/m]
-    window : first row of pixels, one past the last, and columns alike; pieces outside are left out
+    sides : (row, col) of the window, 0 in pixels whose pieces are left out
+    top, left : the window's first row and column
     fronts, per_side : as in `probes.is_hidden`; no piece is hidden if `per_side` is 0
 
     Returns
@@ -162,59 +165,62 @@ def cut_contours(
     Where the pieces of each pixel of the window begin (pixel + 1), row by row. Column and row of both ends, within their
     pixel, the upper end first, and the change of column with row (piece, 5). Steps (piece).
     """
-    top, bottom, left, right = window
-    n_rows, n_cols = bottom - top, right - left
-    starts, filled = np.zeros(n_rows * n_cols + 1, np.int64), np.zeros(n_rows * n_cols, np.int64)
-    pieces, strength = np.empty((0, 5)), np.empty(0)
-    for is_filling in (False, True):  # at first, pieces are counted, hidden ones too
-        if is_filling:
-            total = 0
-            for p in range(len(starts)):
-                starts[p], total = total, total + starts[p]
-            pieces, strength, filled[:] = np.empty((total, 5)), np.empty(total), starts[:-1]
-        for s in range(len(ends)):
-            x0, y0, x1, y1 = ends[s, 0] - left, ends[s, 1] - top, ends[s, 2] - left, ends[s, 3] - top
-            w0, w1 = per_depth[s, 0], per_depth[s, 1]
-            if y1 < y0:
-                x0, y0, x1, y1, w0, w1 = x1, y1, x0, y0, w1, w0
-            if y1 <= 0.0 or y0 >= n_rows or max(x0, x1) <= 0.0 or min(x0, x1) >= n_cols:
-                continue
-            slope = (x1 - x0) / (y1 - y0) if y1 > y0 else 0.0
-            is_level = abs(x1 - x0) > y1 - y0
-            deeper = (w1 - w0) / ((x1 - x0) if is_level else max(y1 - y0, 1e-12))  # along the longer side
-            for row in range(max(0, math.floor(y0)), min(n_rows - 1, math.floor(y1)) + 1):
-                up, down = max(y0, float(row)), min(y1, row + 1.0)
-                begin = x0 + (up - y0) * slope
-                end = x0 + (down - y0) * slope if down < y1 else x1
-                low, high = min(begin, end), max(begin, end)
-                for col in range(max(0, math.floor(low)), min(n_cols - 1, math.floor(high)) + 1):
-                    pixel = row * n_cols + col
-                    if not is_filling:
-                        starts[pixel] += 1
+    n_rows, n_cols = sides.shape
+    n, size = 0, 2 * len(ends) + 1024
+    pixel, cut = np.empty(size, np.int32), np.empty((size, 6))  # in the order of contours
+    for s in range(len(ends)):
+        x0, y0, x1, y1 = ends[s, 0] - left, ends[s, 1] - top, ends[s, 2] - left, ends[s, 3] - top
+        w0, w1 = per_depth[s, 0], per_depth[s, 1]
+        if y1 < y0:
+            x0, y0, x1, y1, w0, w1 = x1, y1, x0, y0, w1, w0
+        if y1 <= 0.0 or y0 >= n_rows or max(x0, x1) <= 0.0 or min(x0, x1) >= n_cols:
+            continue
+        slope = (x1 - x0) / (y1 - y0) if y1 > y0 else 0.0
+        is_level = abs(x1 - x0) > y1 - y0
+        deeper = (w1 - w0) / ((x1 - x0) if is_level else max(y1 - y0, 1e-12))  # along the longer side
+        for row in range(max(0, math.floor(y0)), min(n_rows - 1, math.floor(y1)) + 1):
+            up, down = max(y0, float(row)), min(y1, row + 1.0)
+            begin = x0 + (up - y0) * slope
+            end = x0 + (down - y0) * slope if down < y1 else x1
+            low, high = min(begin, end), max(begin, end)
+            for col in range(max(0, math.floor(low)), min(n_cols - 1, math.floor(high)) + 1):
+                if sides[row, col] == 0:
+                    continue
+                first, last = min(max(begin - col, 0.0), 1.0), min(max(end - col, 0.0), 1.0)
+                upper, lower = up - row, down - row
+                if high > low:
+                    rise = (down - up) / (end - begin)
+                    upper = min(max(up - row + (first + col - begin) * rise, 0.0), 1.0)
+                    lower = min(max(up - row + (last + col - begin) * rise, 0.0), 1.0)
+                if per_side > 0:
+                    w = w0 + deeper * ((first + col - x0) if is_level else (upper + row - y0))
+                    dw = deeper * ((last - first) if is_level else (lower - upper))
+                    if is_hidden(col + first, row + upper, last - first, lower - upper, w, dw, fronts, per_side):
                         continue
-                    first, last = min(max(begin - col, 0.0), 1.0), min(max(end - col, 0.0), 1.0)
-                    upper, lower = up - row, down - row
-                    if high > low:
-                        rise = (down - up) / (end - begin)
-                        upper = min(max(up - row + (first + col - begin) * rise, 0.0), 1.0)
-                        lower = min(max(up - row + (last + col - begin) * rise, 0.0), 1.0)
-                    if per_side > 0:
-                        w = w0 + deeper * ((first + col - x0) if is_level else (upper + row - y0))
-                        dw = deeper * ((last - first) if is_level else (lower - upper))
-                        if is_hidden(col + first, row + upper, last - first, lower - upper, w, dw, fronts, per_side):
-                            continue
-                    at = filled[pixel]
-                    pieces[at, 0], pieces[at, 1], pieces[at, 2] = first, upper, last
-                    pieces[at, 3], pieces[at, 4], strength[at] = lower, slope, steps[s]
-                    filled[pixel] += 1
-    n = 0
-    for p in range(n_rows * n_cols):  # close the gaps that hidden pieces leave
-        begin_at, starts[p] = starts[p], n
-        for at in range(begin_at, filled[p]):
-            if at > n:
-                for k in range(5):
-                    pieces[n, k] = pieces[at, k]
-                strength[n] = strength[at]
-            n += 1
-    starts[-1] = n
-    return starts, pieces[:n], strength[:n]
+                if n == size:
+                    size *= 2
+                    pixel = np.concatenate((pixel, np.empty(n, np.int32)))
+                    cut = np.concatenate((cut, np.empty((n, 6))))
+                pixel[n] = row * n_cols + col
+                cut[n, 0], cut[n, 1], cut[n, 2], cut[n, 3], cut[n, 4], cut[n, 5] = (
+                    first,
+                    upper,
+                    last,
+                    lower,
+                    slope,
+                    steps[s],
+                )
+                n += 1
+    starts = np.zeros(n_rows * n_cols + 1, np.int64)
+    for i in range(n):
+        starts[pixel[i] + 1] += 1
+    for p in range(n_rows * n_cols):
+        starts[p + 1] += starts[p]
+    pieces, strength, at = np.empty((n, 5)), np.empty(n), starts[:-1].copy()
+    for i in range(n):
+        place = at[pixel[i]]
+        for k in range(5):
+            pieces[place, k] = cut[i, k]
+        strength[place] = cut[i, 5]
+        at[pixel[i]] += 1
+    return starts, pieces, strength

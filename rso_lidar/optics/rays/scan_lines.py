@@ -94,15 +94,16 @@ class ScanLines:
 
     def _begin(self) -> None:
         """Place the rays of the first round."""
-        self._cut()
+        self._cut(self._sides)
+        self._is_crossed = (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
         self._place(self._sides, np.full(self._sides.shape, -1.0), _NARROW)
 
-    def _cut(self) -> None:
-        """Cut the contours that are not hidden into pieces."""
+    def _cut(self, sides: np.ndarray) -> None:
+        """Cut the contours that are not hidden into pieces, in pixels with rays, of which `sides` (row, col) is not 0."""
         rows, cols = self._window
-        window = rows.start, rows.stop, cols.start, cols.stop
-        self._pieces = cut_contours(*self._contours, window, self._fronts, self._per_side)
-        self._is_crossed = (np.diff(self._pieces[0]) > 0).reshape(self._sides.shape)
+        self._pieces = cut_contours(
+            *self._contours, packed(sides), rows.start, cols.start, self._fronts, self._per_side
+        )
 
     def _aim(self, point: np.ndarray, pixel: np.ndarray, weight: np.ndarray, side: np.ndarray | None = None) -> Rays:
         """Aim rays at points (col_row, ray) of the focal plane [pixels]; the others are columns of `Rays`."""
@@ -173,10 +174,11 @@ class ScanLines:
             return hits, False
         allowed /= np.maximum(seen[self._window], 1e-3)
         doubted = doubted[self._window] & (allowed > 0.0)
+        again = np.where(allowed > 0.0, self._sides, 0)
         if doubted.any():  # here the probes were wrong, and all contours count
             distrust_fronts(self._fronts, self._per_side, doubted)
-            self._cut()
-        self._place(np.where(allowed > 0.0, self._sides, 0), allowed, _NARROW_AGAIN)
+            self._cut(again)
+        self._place(again, allowed, _NARROW_AGAIN)
         return hits, True
 
     def _find_unexpected(self, hits: Hits) -> np.ndarray:

@@ -358,16 +358,17 @@ def place_rays(
     the line's mean light. Variance (row, col) of the photons of the window's pixels, if no contour is hidden.
     """
     height, width = per_side.shape
-    variance, most = np.zeros(per_side.shape), 0
+    variance, most, even = np.zeros(per_side.shape), 0, 0
     for p in range(height * width):
         most = max(most, starts[p + 1] - starts[p])
+        even += per_side[p // width, p % width] ** 2
     edges, room = np.empty(_MOST_SLABS + _BINS), np.empty((3, _BINS))
     many = (_MOST_SLABS + 2) * (1 + per_side.max()) if per_side.size else 0
     line_row, line_height, line_starts = np.empty(many), np.empty(many), np.empty(many + 1, np.int64)
     filled, first_line = np.empty(many, np.int64), np.empty(most, np.int64)
     expected, greatest = np.empty(many), np.empty(many)
     crossing, by, spare = np.empty(4096), np.empty(4096, np.int64), (np.empty(4096, np.int64), np.empty(4096))
-    size = 3 * len(pieces) + 4 * height * width + 4096
+    size = even + 3 * len(pieces) + 4096
     point, pixel, weight, side = np.empty((2, size)), np.empty(size, np.int32), np.empty(size), np.empty(size)
     kind, change = np.empty(size, np.int8), np.empty(size)
     n = 0
@@ -377,18 +378,17 @@ def place_rays(
         if sides == 0:
             continue
         begin, end, pixel_of = starts[p], starts[p + 1], (first_row + row) * n_cols + first_col + col
-        slabs, variance[row, col] = choose_slabs(
-            pieces, steps, begin, end, allowed[row, col], rough, steep, edges, room
-        )
-        lines = lay_lines(edges, slabs, sides, line_row, line_height)
-        multiplier = max(1, round(_GOLDEN * sides))
-        while math.gcd(multiplier, sides) > 1:
-            multiplier += 1
-        crossing, by, spare = cross_lines(
-            pieces, begin, end, line_row, lines, line_starts, filled, first_line, crossing, by, spare
-        )
-        expect_changes(pieces, steps, begin, end, line_row, lines, first_line, expected, greatest)
-        needed = n + line_starts[lines] + lines * (sides + 2)
+        lines = sides
+        if begin < end:
+            slabs, variance[row, col] = choose_slabs(
+                pieces, steps, begin, end, allowed[row, col], rough, steep, edges, room
+            )
+            lines = lay_lines(edges, slabs, sides, line_row, line_height)
+            crossing, by, spare = cross_lines(
+                pieces, begin, end, line_row, lines, line_starts, filled, first_line, crossing, by, spare
+            )
+            expect_changes(pieces, steps, begin, end, line_row, lines, first_line, expected, greatest)
+        needed = n + lines * (sides + 2) + (line_starts[lines] if begin < end else 0)
         if needed > size:
             size = 2 * needed
             point, pixel, weight, side, kind, change = (
@@ -399,6 +399,11 @@ def place_rays(
                 np.concatenate((kind, np.empty(size - len(kind), np.int8))),
                 np.concatenate((change, np.empty(size - len(change)))),
             )
+        if begin == end:
+            n = fill_evenly(point, weight, side, kind, n, sides, first_col + col, first_row + row, pixel_of, is_shifted)
+            pixel[n - sides * sides : n] = pixel_of
+            change[n - sides * sides : n] = 0.0
+            continue
         for line in range(lines):
             first, last = line_starts[line], line_starts[line + 1]
             y, h = line_row[line], line_height[line]
@@ -426,14 +431,11 @@ def place_rays(
                     continue
                 rays = max(1, math.ceil(across * sides - _SAME))
                 # Between contours rays keep off the ends: a curved edge is near its chords, not on them.
-                at_line, at_ray = turn if shared > 0.0 else 0.5, y
+                at_line = turn if shared > 0.0 else 0.5
                 for r in range(rays):
-                    if begin == end and is_shifted and sides > 2:
-                        at_line = ((line * multiplier + pixel_of) % sides + 0.5) / sides
-                        at_ray = y + h * (((r * multiplier + pixel_of) % sides + 0.5) / sides - 0.5)
                     point[0, n], point[1, n] = (
                         first_col + col + left + across * (r + at_line) / rays,
-                        first_row + row + at_ray,
+                        first_row + row + y,
                     )
                     pixel[n], weight[n] = pixel_of, across * h / rays
                     side[n] = math.sqrt(0.5 * ((across / rays) ** 2 + h * h))
@@ -445,6 +447,53 @@ def place_rays(
                 left, step, shared, is_first = left + across, 0.0, 0.0, False
             variance[row, col] += uncertain
     return point[:, :n], pixel[:n], weight[:n], side[:n], kind[:n], change[:n], variance
+
+
+@kernel
+def fill_evenly(
+    point: np.ndarray,
+    weight: np.ndarray,
+    side: np.ndarray,
+    kind: np.ndarray,
+    n: int,
+    sides: int,
+    col: int,
+    row: int,
+    pixel: int,
+    is_shifted: bool,
+) -> int:
+    """Place the rays of a pixel without contours, sides x sides, after the first `n`; return how many there are then.
+
+    Parameters
+    ----------
+    point, weight, side, kind : (ray), written, as `place_rays` returns them
+    col, row : of the pixel
+    pixel : its number, which turns the order of columns and rows
+    is_shifted : as in `place_rays`
+    """
+    multiplier = max(1, round(_GOLDEN * sides))
+    while math.gcd(multiplier, sides) > 1:
+        multiplier += 1
+    h, is_lattice = 1.0 / sides, is_shifted and sides > 2
+    share, width = h / sides, math.sqrt(0.5 * ((1.0 / sides) ** 2 + h * h))
+    of_line = pixel % sides
+    for line in range(sides):
+        y, at_line, of_ray = (line + 0.5) / sides, 0.5, pixel % sides
+        if is_lattice:
+            at_line = (of_line + 0.5) / sides
+        for r in range(sides):
+            at_ray = y
+            if is_lattice:
+                at_ray = y + h * ((of_ray + 0.5) / sides - 0.5)
+                of_ray += multiplier
+                of_ray -= sides if of_ray >= sides else 0
+            point[0, n], point[1, n] = col + (r + at_line) / sides, row + at_ray
+            weight[n], side[n] = share, width
+            kind[n] = LINE if r == 0 else (PAIR if sides == 2 else TEXTURE)
+            n += 1
+        of_line += multiplier
+        of_line -= sides if of_line >= sides else 0
+    return n
 
 
 @kernel

@@ -40,11 +40,11 @@ def test_killed_workers_lose_nothing(made, tmp_path):
 def test_a_scheduler_that_does_not_answer(made, tmp_path, monkeypatch):
     pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
     monkeypatch.setattr(processes, "_CONNECT_S", "0.2s")
-    with pytest.raises(rl.DatasetError, match="no scheduler answers"):
+    with pytest.raises(rl.ScenarioError, match="no scheduler answers"):
         rl.dataset.make(made[1], tmp_path / "made", scheduler="tcp://127.0.0.1:9")
 
 
 def test_dask_that_is_not_installed(made, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "dask", None)
-    with pytest.raises(rl.DatasetError, match=r"rso-lidar\[dask\]"):
+    with pytest.raises(rl.ScenarioError, match=r"rso-lidar\[dask\]"):
         rl.dataset.make(made[1], tmp_path / "made", scheduler="local")

@@ -18,9 +18,11 @@ def contours(ends, steps):
     return Contours(np.asarray(ends), np.asarray(steps), np.full((len(ends), 2), 1e-3), np.zeros(len(ends), np.int16))
 
 
-def cut(ends, steps, window):
+def cut(ends, steps, window, sides=None):
     """Cut contours that nothing hides."""
-    return cut_contours(ends, steps, np.ones((len(ends), 2)), window, np.empty((4, 0, 0)), 0)
+    top, bottom, left, right = window
+    sides = np.ones((bottom - top, right - left), np.int64) if sides is None else sides
+    return cut_contours(ends, steps, np.ones((len(ends), 2)), sides, top, left, np.empty((4, 0, 0)), 0)
 
 
 NONE = contours(np.empty((0, 4)), np.empty(0))
@@ -38,6 +40,19 @@ def test_pieces_are_those_of_the_oracle(seed):
     np.testing.assert_array_equal(np.diff(starts), np.bincount(expected[:, 0].astype(int), minlength=25))
     np.testing.assert_allclose(pieces, expected[:, 1:6], rtol=1e-9, atol=1e-9)
     np.testing.assert_array_equal(strength, expected[:, 6])
+
+
+@pytest.mark.parametrize("contours_of", [40, 4000])  # the second outgrow the room that is made at first
+def test_pixels_without_rays_have_no_pieces(contours_of):
+    rng = np.random.default_rng(contours_of)
+    ends, steps, window = rng.uniform(0.0, 9.0, (contours_of, 4)), rng.uniform(1.0, 2.0, contours_of), (1, 7, 2, 8)
+    sides = rng.integers(0, 3, (6, 6))
+    starts, pieces, strength = cut(ends, steps, window, sides)
+    of_all, every, steps_of_all = cut(ends, steps, window)
+    kept = np.repeat(sides.ravel() > 0, np.diff(of_all))
+    np.testing.assert_array_equal(np.diff(starts), np.where(sides.ravel() > 0, np.diff(of_all), 0))
+    np.testing.assert_array_equal(pieces, every[kept])
+    np.testing.assert_array_equal(strength, steps_of_all[kept])
 
 
 def test_a_contour_along_the_edges_of_pixels_is_cut_once():

@@ -88,7 +88,9 @@ def test_a_piece_is_hidden_as_a_whole_or_not():
     image = fronts_of(lambda x, y: wall(x, y) if x < 3.0 else (0.0, 0.0, 0.0))
     ends = np.array([[0.3, 1.5, 5.7, 1.5], [0.3, 2.5, 5.7, 2.5]])
     per_depth = np.array([[1.0 / 150.0] * 2, [1.0 / 50.0] * 2])
-    starts, pieces, steps = cut_contours(ends, np.array([1.0, 2.0]), per_depth, (0, 4, 0, 6), image, PER_SIDE)
+    starts, pieces, steps = cut_contours(
+        ends, np.array([1.0, 2.0]), per_depth, np.ones((4, 6), np.int64), 0, 0, image, PER_SIDE
+    )
     pixel = np.repeat(np.arange(24), np.diff(starts))
     assert sorted(pixel[steps == 1.0] % 6) == [2, 3, 4, 5]  # the first of these is at the wall's edge
     assert sorted(pixel[steps == 2.0] % 6) == [0, 1, 2, 3, 4, 5]

@@ -21,8 +21,8 @@ def draw_pieces(seed, contours, shape=(1, 1)):
         [start, start + rng.normal(0.0, rng.choice([0.05, 0.5, 2.0], (contours, 1)), (contours, 2))], 1
     )
     ends[::7, 2], ends[3::7, 3] = ends[::7, 0], ends[3::7, 1]
-    steps, window = rng.uniform(0.5, 2.0, contours), (0, shape[0], 0, shape[1])
-    return cut_contours(ends, steps, np.ones((contours, 2)), window, np.empty((4, 0, 0)), 0)
+    steps, sides = rng.uniform(0.5, 2.0, contours), np.ones(shape, np.int64)
+    return cut_contours(ends, steps, np.ones((contours, 2)), sides, 0, 0, np.empty((4, 0, 0)), 0)
 
 
 def choose(pieces, steps, allowed=-1.0, rough=0.2, steep=0.05):
