@@ -32,6 +32,7 @@ WHERE = {
     "sgp4": "the Python package sgp4 and its source repository; the set of Vallado et al. 2006",
     "celestrak": "CelesTrak keeps no old catalogues; public copies are named in tests/real_data.md",
 }
+WAVEFORMS, RECORDINGS = "*_ftrr.zip", "pixset"  # of a PixSet recording: gigabytes, of which no sum is known
 
 
 class DataError(RsoLidarError):
@@ -230,6 +231,16 @@ def _state(path, known):
     return "whole" if whole else "damaged"
 
 
+def describe_recording(folder, place):
+    """Return a line about the recording of waveforms that tests compare: where it is, or how to get it."""
+    if (place / RECORDINGS).is_dir() and any((place / RECORDINGS).glob(WAVEFORMS)):
+        return f"recording {place / RECORDINGS}: is compared as it is"
+    for path in walk(folder) if folder is not None else ():
+        if path.match(WAVEFORMS):
+            return f"recording {path}: is not copied; move or link it into {place / RECORDINGS}"
+    return f"recording {RECORDINGS}/{WAVEFORMS}: missing (Leddar PixSet, by a form; tests/real_data.md says which)"
+
+
 def _write(path, contents):
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -269,6 +280,7 @@ def main(arguments):
         if place.exists() and not place.is_dir():
             raise DataError(f"{place}: is not a folder; name another with --to")
         lines, found = bring(folder, place)
+        lines.append(describe_recording(folder, place))
     except OSError as error:  # a name too long, or a folder that may not be entered
         print(f"real data: {error.filename}: cannot be used ({error.strerror}); name another folder", file=sys.stderr)
         return 2

@@ -190,7 +190,7 @@ for line in warned.advice():
 
 # %%
 # A warning names the key, says what is wrong and by how much, and what to do. Others are about light and pointing: a
-# part of the stage outside the field, pixels that clip the converter, the Sun near the field. ``check`` prints them in
+# part of the stage outside the field, pixels that saturate, the Sun near the field. ``check`` prints them in
 # its last lines; Python calls them ``advice``.
 #
 # The result

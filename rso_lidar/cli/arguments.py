@@ -187,6 +187,22 @@ def load_camera(
     )
 
 
+def load_instrument(
+    text: str, settings: tuple[str, ...] = (), *, trust_code: bool = False, trust_fmu: bool = False
+) -> Lidar:
+    """Load a camera by name, or the instrument of a scenario at its start.
+
+    Parameters
+    ----------
+    text, settings : name of a camera or path of a scenario, and `key=value` of fields
+    trust_code, trust_fmu : as for `Scenario.load`
+    """
+    loaded = load_camera(text, settings, trust_code=trust_code, trust_fmu=trust_fmu)
+    if isinstance(loaded, str):
+        return Lidar(preset=loaded)  # type: ignore[call-arg]
+    return loaded.instrument if isinstance(loaded, Scenario) else loaded
+
+
 def choose_scheduler(engine: str, scheduler: str | None, error: type[RsoLidarError] = ScenarioError) -> str | None:
     """Return the scheduler that the options of a command choose; None for a pool of processes without dask."""
     if engine not in ("pool", "dask"):

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli import camera_fit
+from rso_lidar.cli import camera_fit, camera_waveforms
 from rso_lidar.cli.arguments import (
     CameraName,
     Dark,
@@ -76,3 +76,4 @@ def datasheet(
 
 app.command("datasheet")(datasheet)
 app.command("fit")(camera_fit.fit)
+app.command("waveforms")(camera_waveforms.waveforms)

@@ -13,13 +13,12 @@ from rso_lidar.cli.arguments import (
     TrustCode,
     TrustFmu,
     choose_scheme,
-    load_camera,
+    load_instrument,
 )
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.evaluation import FIT_REPORT_SUFFIXES, CurvesFile, fit_camera, save_fit_report
 from rso_lidar.files import check_writable
-from rso_lidar.scenario import Lidar, Scenario
 
 _PRESET_SUFFIX = ".toml"
 
@@ -45,10 +44,7 @@ def fit(
     known = (_PRESET_SUFFIX, *FIT_REPORT_SUFFIXES)
     places = [check_writable(place, known, overwrite=overwrite) for place in output or ()]
     scheme = choose_scheme(dark, places)
-    loaded = load_camera(camera, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
-    if isinstance(loaded, str):
-        loaded = Lidar(preset=loaded)  # type: ignore[call-arg]
-    lidar = loaded.instrument if isinstance(loaded, Scenario) else loaded
+    lidar = load_instrument(camera, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
     with announce_compiling():
         fitted = fit_camera(lidar, CurvesFile.load(data))
     reports = [place for place in places if place.suffix.lower() != _PRESET_SUFFIX]

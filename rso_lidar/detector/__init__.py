@@ -20,8 +20,9 @@ if TYPE_CHECKING:
         place_plate_m,
         simulate_light_curve,
     )
+    from rso_lidar.detector.bench.long_traces import simulate_long_traces
     from rso_lidar.detector.bench.pixel_prediction import predict_pixels
-    from rso_lidar.detector.bench.prediction import find_photons, predict
+    from rso_lidar.detector.bench.prediction import find_photons, find_saturation_photons, predict
     from rso_lidar.detector.bench.range_resolution import SIGNAL_OVER_THRESHOLD, simulate_separations
     from rso_lidar.detector.bench.trial import Surroundings, Trial, make_plate, make_point_returns, run_trial
     from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
@@ -163,6 +164,7 @@ __all__ = [
     "estimate_k_of_n",
     "false_alarm_probability",
     "find_photons",
+    "find_saturation_photons",
     "fit_constants",
     "fit_maps",
     "frame_jitter_s",
@@ -187,6 +189,7 @@ __all__ = [
     "report_probability",
     "run_trial",
     "simulate_light_curve",
+    "simulate_long_traces",
     "simulate_separations",
     "simulate_walk_curve",
     "solve_threshold",

@@ -1,4 +1,4 @@
-"""What was measured: recordings compared, converted, tracked and fitted, maps of heights, and cameras calibrated."""
+"""What was measured: recordings compared, converted, tracked and fitted, maps of heights, cameras and their waveforms."""
 
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,10 @@ if TYPE_CHECKING:
         fit_own_orbit,
         fit_relative_orbit,
     )
+    from rso_lidar.evaluation.raw_waveforms.comparison import WaveformComparison, compare_waveforms
+    from rso_lidar.evaluation.raw_waveforms.pixset import read_pixset
+    from rso_lidar.evaluation.raw_waveforms.waveform_set import RawWaveforms
+    from rso_lidar.evaluation.raw_waveforms.waveform_statistics import WaveformStatistics, measure_waveforms
     from rso_lidar.evaluation.recorded_runs.conversion import (
         save,
     )
@@ -58,19 +62,25 @@ __all__ = [
     "ElevationMap",
     "FrameDifference",
     "MapAgreement",
+    "RawWaveforms",
     "RelativeNavigation",
     "Tracking",
     "ViewerChoice",
+    "WaveformComparison",
+    "WaveformStatistics",
     "build_elevation_map",
     "build_true_elevation",
     "compare_frames",
     "compare_maps",
+    "compare_waveforms",
     "find_hazards",
     "find_true_relative_state",
     "fit_camera",
     "fit_own_orbit",
     "fit_relative_orbit",
     "load_scenario",
+    "measure_waveforms",
+    "read_pixset",
     "sample_target",
     "save",
     "save_fit_report",

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         require_scenario,
     )
     from rso_lidar.scenario.tables.calibration import (
+        AssumedSetting,
         CalibratedConstant,
         Calibration,
         CalibrationData,
@@ -114,6 +115,7 @@ else:
 
 __all__ = [
     "SHORTEST_EXAMPLE",
+    "AssumedSetting",
     "CalibratedConstant",
     "Calibration",
     "CalibrationData",

@@ -118,6 +118,14 @@ def test_every_part_of_a_scenario_has_its_table(generator):
             assert f"| `{key}` |" in page
 
 
+def test_the_page_on_training_names_each_array_of_a_dataset():
+    listed = (DOCS / "datasets.md").read_text(encoding="utf-8").split("<!-- generated: arrays -->")[1]
+    arrays = set(re.findall(r"^\| `(\w+)` \|", listed.split("<!-- end of arrays -->")[0], re.MULTILINE))
+    named = set(re.findall(r"`(\w+)`", (DOCS / "training_data.md").read_text(encoding="utf-8")))
+    assert len(arrays) > 30
+    assert not arrays - named
+
+
 def test_links_lead_somewhere():
     broken = {page.name: broken_links(page, page.read_text(encoding="utf-8")) for page in WRITTEN}
     assert not {page: links for page, links in broken.items() if links}

@@ -68,6 +68,7 @@ def test_known_files_are_placed_whatever_their_name(downloads, tmp_path, capsys)
         ["placed", "meshes/plate.stl"],
         ["placed", "tle/iss.tle"],
         ["unknown", str(downloads / "3D")],
+        ["recording", "pixset/*_ftrr.zip:"],
         ["2", "of"],
     ]
     assert (tmp_path / "data" / "tle" / "iss.tle").read_bytes() == LINES
@@ -88,6 +89,21 @@ def test_what_is_missing_is_named_with_its_place(downloads, tmp_path, capsys):
     status, lines, _ = bring(capsys, "--to", tmp_path / "none")  # no folder: what is there
     assert (status, lines[-1]) == (0, f"0 of 2 files are in {tmp_path / 'none'}")
     assert not (tmp_path / "none").exists()
+
+
+def test_a_recording_of_waveforms_is_found_and_stays_where_it_is(downloads, tmp_path, capsys):
+    place = tmp_path / "data"
+    _, lines, _ = bring(capsys, downloads, "--to", place)
+    assert "recording pixset/*_ftrr.zip: missing (Leddar PixSet, by a form; tests/real_data.md says which)" in lines
+    recording = downloads / "20200610_downtown05" / "pixell_bfc_ftrr.zip"
+    recording.parent.mkdir()
+    recording.write_bytes(b"")
+    _, lines, _ = bring(capsys, downloads, "--to", place)
+    assert f"recording {recording}: is not copied; move or link it into {place / 'pixset'}" in lines
+    (place / "pixset").mkdir()
+    recording.rename(place / "pixset" / recording.name)
+    _, lines, _ = bring(capsys, "--to", place)
+    assert f"recording {place / 'pixset'}: is compared as it is" in lines
 
 
 def truncate(folder):

@@ -98,7 +98,7 @@ def predict_gsfl(
             snr[of] += weight * seen.snr(photons[of])
             peak_electrons[of] += weight * seen.primaries(photons[of]) * seen.mean.max()
     jitter_ns = math.hypot(gsfl.timing.pixel_jitter_ns, gsfl.timing.frame_jitter_ns, pulse.timing_jitter_ns)
-    saturated = peak_electrons >= int(gsfl.readout.clip_counts) * gsfl.readout.electrons_per_count
+    saturated = peak_electrons >= gsfl.clip_electrons
     jitter_ns /= math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # each pulse of a frame has its own
     return Prediction(probability, np.hypot(precision_m, jitter_ns * _RANGE_PER_NS), snr, saturated)
 

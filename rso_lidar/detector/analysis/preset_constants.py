@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from rso_lidar import units
@@ -19,7 +19,9 @@ _WITHIN = 0.01  # relative difference that counts as none
 _ASSUMED = re.compile(r"Default: (derived|assumed|solved|fitted|computed)|; assumed\b")
 
 
-def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m: float) -> list[str]:
+def describe_foreign_constants(
+    detector: object, pulse: LaserPulse, wavelength_m: float, unstated: Collection[str] = ()
+) -> list[str]:
     """Describe constants of a detector that were solved or stated for another instrument, and what differs here.
 
     Parameters
@@ -27,6 +29,7 @@ def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m
     detector : a part, or an object that follows the protocol `Detector`
     pulse : the laser's pulse
     wavelength_m : of the laser [m]
+    unstated : as `list_assumed_settings` takes it. Where it names any, the detector is that of another camera
 
     Returns
     -------
@@ -35,7 +38,7 @@ def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m
         where nothing differs from the instrument for which the presets are solved.
     """
     if not isinstance(detector, Gsfl):
-        return []
+        return list(_describe_assumed(detector, unstated)) if unstated else []
     lines = []
     kept = [words for (part, key), words in SOLVED_CONSTANTS.items() if is_of_preset(detector, part, key)]
     apart = list(_list_differences(detector, pulse, wavelength_m))
@@ -45,8 +48,8 @@ def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m
             f"{' and '.join(kept)} of preset {detector.preset} {verb} solved for {', '.join(apart)}; state yours in "
             "data_sheet, or add solve = { pd = 0.95, photons = 1000 }"
         )
-    if apart and (assumed := list_assumed_settings(detector)):
-        lines.append(f"defaults of the package, not of a camera: {', '.join(assumed)}; state those of yours")
+    if apart or unstated:
+        lines += _describe_assumed(detector, unstated)
     laser_nm = wavelength_m / units.NM
     sheet_nm = laser_nm if detector.data_sheet is None else detector.data_sheet.wavelength_nm or laser_nm
     if not math.isclose(sheet_nm, laser_nm, rel_tol=_WITHIN):
@@ -55,6 +58,12 @@ def describe_foreign_constants(detector: object, pulse: LaserPulse, wavelength_m
             "correct one of them"
         )
     return lines
+
+
+def _describe_assumed(detector: object, unstated: Collection[str]) -> Iterator[str]:
+    """Yield a line that names the assumed settings of a detector, if it has any."""
+    if assumed := list_assumed_settings(detector, unstated):
+        yield f"defaults of the package, not of a camera: {', '.join(assumed)}; state those of yours"
 
 
 def is_of_preset(gsfl: Gsfl, part: str, key: str) -> bool:
@@ -79,12 +88,14 @@ def _list_differences(gsfl: Gsfl, pulse: LaserPulse, wavelength_m: float) -> Ite
             yield text.format(solved, here)
 
 
-def list_assumed_settings(detector: object) -> list[str]:
+def list_assumed_settings(detector: object, unstated: Collection[str] = ()) -> list[str]:
     """List the settings of a detector that are left at a default which is assumed, solved or fitted, not sourced.
 
     Parameters
     ----------
     detector : a part; of any other object nothing is known
+    unstated : names of settings whose values are such defaults although the detector states them, as that of a preset file
+        does: ``lidar.unstated_settings``
 
     Returns
     -------
@@ -93,13 +104,12 @@ def list_assumed_settings(detector: object) -> list[str]:
     """
     if not isinstance(detector, Part):
         return []
-    places = list(_iterate_assumed(detector, ""))
+    places = [*_iterate_assumed(detector, ""), *unstated]
     if isinstance(detector, Gsfl):
-        solved = [f"{part}.{key}" for part, key in SOLVED_CONSTANTS if is_of_preset(detector, part, key)]
-        places += [place for place in solved if place not in places]
+        places += [f"{part}.{key}" for part, key in SOLVED_CONSTANTS if is_of_preset(detector, part, key)]
         if detector.gate is not None:  # which has no trigger to arm
             places = [place for place in places if not place.startswith(("armed_", "trigger."))]
-    return places
+    return list(dict.fromkeys(places))
 
 
 def _iterate_assumed(part: Part, path: str) -> Iterator[str]:

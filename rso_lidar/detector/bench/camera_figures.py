@@ -10,6 +10,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.analysis.false_alarms import mean_false_alarms_per_s
+from rso_lidar.detector.bench.prediction import find_saturation_photons
 from rso_lidar.detector.chain.camera import draw_camera_pixels
 from rso_lidar.detector.detection import AnyDetector, false_alarm_probability
 from rso_lidar.detector.geiger.array import GeigerArray
@@ -85,15 +86,13 @@ def list_camera_figures(
 
 def _list_gsfl(gsfl: Gsfl, pulse: LaserPulse, wavelength_m: float) -> list[CameraFigure]:
     """List the noise, the threshold and the saturation of the full chain."""
-    apd, amplifier, readout = gsfl.apd, gsfl.amplifier, gsfl.readout
+    apd, amplifier = gsfl.apd, gsfl.amplifier
     responsivity = gsfl.quantum_efficiency * units.ELEMENTARY_CHARGE_C / units.photon_energy_j(wavelength_m)
     amplifier_a = amplifier.noise_a_per_sqrt_hz
     nep = math.hypot(amplifier_a, apd.dark_noise_a_per_sqrt_hz) / (apd.gain * responsivity)
     peak = Pulse.after(pulse.step_s, pulse.power_per_s, amplifier.pole_s, amplifier.integration_s).peak
     per_photon = gsfl.electrons_per_photon * peak
-    noise_photons, clipped = gsfl.noise_electrons / per_photon, readout.clip_counts * readout.electrons_per_count
-    if gsfl.saturation is not None:
-        clipped = min(clipped, gsfl.saturation.rail_electrons)
+    noise_photons = gsfl.noise_electrons / per_photon
     figures = [
         ("responsivity_a_per_w", "responsivity at unit gain", responsivity, "A/W", _CLOSED_FORM, "QE q λ / (h c)"),
         ("gain", "gain M of the APD", apd.gain, "", _SETTING, ""),
@@ -157,7 +156,7 @@ def _list_gsfl(gsfl: Gsfl, pulse: LaserPulse, wavelength_m: float) -> list[Camer
         (
             "saturation_photons",
             "photons that saturate",
-            clipped / per_photon,
+            find_saturation_photons(gsfl, pulse),
             "photons",
             _CLOSED_FORM,
             "photons of this pulse whose peak reaches the converter's full scale, or the amplifier's rail",

@@ -11,7 +11,8 @@ from rso_lidar import units
 from rso_lidar.detector.analysis.closed_form import Prediction
 from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.detection import AnyDetector, predict_closed_form
-from rso_lidar.detector.ranging.pulse import LaserPulse
+from rso_lidar.detector.ranging.pulse import LaserPulse, Pulse
+from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.errors import ScenarioError
 
 _TRIALS, _FEWEST = 200, 20  # pixels for each return: the standard error of a probability is at most 0.035
@@ -81,6 +82,30 @@ def find_photons(detector: AnyDetector, pulse: LaserPulse, probability: np.ndarr
     share = (wanted - low_found) / np.maximum(high_found - low_found, np.finfo(float).tiny)
     photons: np.ndarray = np.where(share <= 1.0, low + np.clip(share, 0.0, 1.0) * (high - low), np.inf)
     return photons
+
+
+def find_saturation_photons(detector: AnyDetector, pulse: LaserPulse) -> float:
+    """Find the photons of a return from a facing surface whose intensity clips.
+
+    Those of the full chain are without noise: the peak of the pulse behind the amplifier reaches the converter's full scale,
+    or the amplifier's rail. Half of all flashes are saturated there, within 2 %, if samples meet the peak. They are 2.38 ns
+    apart by default, so that a pulse of 2 ns is flagged on the rail from up to 10 % more.
+
+    Parameters
+    ----------
+    detector : a part, or an object that follows the protocol `Detector`
+    pulse : the laser's pulse
+
+    Returns
+    -------
+    float
+        Of detectors without an amplifier, `DetectorTraits.saturation_photons`; infinite where nothing clips.
+    """
+    if not isinstance(detector, Gsfl):
+        return detector.traits.saturation_photons
+    amplifier = detector.amplifier
+    peak = Pulse.after(pulse.step_s, pulse.power_per_s, amplifier.pole_s, amplifier.integration_s).peak
+    return detector.clip_electrons / (detector.electrons_per_photon * peak)
 
 
 def _predict_by_trial(detector: AnyDetector, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray) -> Prediction:

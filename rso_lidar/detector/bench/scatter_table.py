@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector.bench.prediction import find_saturation_photons
 from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
@@ -88,7 +89,8 @@ def _try_levels(gsfl: Gsfl, pulse: LaserPulse, sunlight_per_s: float, depth: flo
         low, middle, high = np.quantile(errors_m, [0.25, 0.5, 0.75])
         within = np.abs(errors_m - middle) <= _OUTLIER * (high - low) / 1.349 + 1e-6
         scatter_m[k], count[k] = max(errors_m[within].std(), 1e-6), len(errors_m)
-    usual = (_LEVELS >= _CERTAIN) & (_LEVELS * threshold_of_returns(gsfl) < gsfl.saturation_photons) & (count > 0)
+    is_linear = _LEVELS * threshold_of_returns(gsfl) < find_saturation_photons(gsfl, pulse)
+    usual = (_LEVELS >= _CERTAIN) & is_linear & (count > 0)
     scatter_m[usual] = _smooth(scatter_m[usual], _LEVELS[usual], count[usual])
     known = np.flatnonzero(np.isfinite(scatter_m))
     if not len(known):  # light of this depth is never reported: assume a report from anywhere in it

@@ -342,9 +342,18 @@ class Gsfl(Part):
         return self.gate.to_m if self.gate else self.armed_to_m
 
     @property
+    def clip_electrons(self) -> float:
+        """Amplitude from which a return is saturated [electrons]: the converter's full scale, or the amplifier's rail."""
+        rail = math.inf if self.saturation is None else self.saturation.rail_electrons
+        return min(self.readout.clip_counts * self.readout.electrons_per_count, rail)
+
+    @property
     def saturation_photons(self) -> float:
-        """Photons of a return whose amplitude clips, in a pulse as long as the amplifier's integration time."""
-        return int(self.readout.clip_counts) * self.readout.electrons_per_count / self.electrons_per_photon
+        """Photons of a return that saturates, if the amplifier makes an amplitude of all of its charge.
+
+        That is so in a pulse as long as its integration time; `find_saturation_photons` counts the laser's own.
+        """
+        return self.clip_electrons / self.electrons_per_photon
 
     @property
     def clipped_range_photons(self) -> float:

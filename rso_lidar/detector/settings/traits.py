@@ -24,7 +24,8 @@ class DetectorTraits:
     max_returns : how many returns of a pixel are listed
     returns : which return of a pixel is reported as its range and intensity
     stored_behind_m : depth behind the first return in which others are still seen [m]
-    saturation_photons : photons of a return from which the intensity no longer rises
+    saturation_photons : photons of a return from which the intensity no longer rises, if the detector does not change the
+        laser's pulse. `find_saturation_photons` counts the pulse
     clipped_range_photons : photons of a return from which clipping spoils the range, not only the intensity
     strong_return_cure : what a user may change in the detector for returns that clip, for advice; empty without a cure
     settings : values in force that every frame records, by name, in SI, such as ``gate_delay_s``

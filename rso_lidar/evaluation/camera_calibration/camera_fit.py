@@ -27,6 +27,8 @@ from rso_lidar.detector import (
     PixelMaps,
     fit_constants,
     fit_maps,
+    get_constant,
+    list_assumed_settings,
     merge_points,
     reduce_shots,
 )
@@ -36,7 +38,7 @@ from rso_lidar.evaluation.camera_calibration.measured_maps import read_maps, rea
 from rso_lidar.evaluation.camera_calibration.measured_tables import Tables, read_curves
 from rso_lidar.files import align_columns, check_writable, write_text
 from rso_lidar.part import dump_part, python_objects
-from rso_lidar.scenario import CalibratedConstant, Calibration, CalibrationData, Lidar
+from rso_lidar.scenario import AssumedSetting, CalibratedConstant, Calibration, CalibrationData, Lidar
 
 _LIBRARIES = ("numpy", "scipy", "numba")
 _FAR = 3.0  # standard errors from which a point is named
@@ -138,6 +140,9 @@ class CameraFit:
                 CalibratedConstant(name=free.name, value=free.value, low=free.low, high=free.high)
                 for free in fit.constants
             ),
+            assumed=tuple(
+                AssumedSetting(name=name, value=get_constant(fit.detector, name)) for name in self._list_assumed()
+            ),
             data=(
                 *(
                     CalibrationData(
@@ -161,6 +166,13 @@ class CameraFit:
                 ),
             ),
         )
+
+    def _list_assumed(self) -> list[str]:
+        """Return the names of the settings that neither the fit nor the bench's scenario gave."""
+        bench = self.lidar.calibration  # of an earlier fit
+        unstated = [] if bench is None else bench.list_assumed(self.fit.detector)
+        fitted = [constant.name for constant in self.fit.constants]
+        return [name for name in list_assumed_settings(self.fit.detector, unstated) if name not in fitted]
 
     def list_misfits(self) -> list[str]:
         """Return what the fitted detector cannot reproduce, a line for each curve or group of maps with its worst points."""

@@ -295,7 +295,7 @@ def _list_notes(lidar: Lidar) -> Iterator[str]:
     yield f"Window: {describe_window(lidar.detector)}. In the dark; pixels do not affect each other."
     if neglected := list_neglected_effects(lidar.detector):
         yield f"Closed forms leave out: {', '.join(neglected)}. Trials count them, but for effects between pixels."
-    if assumed := list_assumed_settings(lidar.detector):
+    if assumed := list_assumed_settings(lidar.detector, lidar.unstated_settings):
         yield f"Defaults of the package, not figures of your camera: {', '.join(assumed)}."
 
 

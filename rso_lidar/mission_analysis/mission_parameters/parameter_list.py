@@ -75,15 +75,21 @@ def iterate_parameters(scenario: Scenario) -> Iterator[MissionParameter]:
     resolved |= {"follower": scenario.bodies[-1]}
     resolved |= {f"target.{body.name}": body for body in scenario.bodies[:-1]}
     with suppress_warnings():
-        yield from _iterate_part(scenario, "", _Origins(resolved, _list_preset_values(scenario)), is_given=True)
+        unstated = frozenset(f"lidar.detector.{name}" for name in scenario.lidar.unstated_settings)
+        origins = _Origins(resolved, _list_preset_values(scenario), unstated)
+        yield from _iterate_part(scenario, "", origins, is_given=True)
 
 
 @dataclass(frozen=True)
 class _Origins:
-    """Origins of values: parts by place with the files that they name found, and origin and value of presets by place."""
+    """Origins of values: parts by place with the files that they name found, and origin and value of presets by place.
+
+    `unstated` are the places of settings that a preset file has from defaults of the package.
+    """
 
     resolved: Mapping[str, Any]
     presets: Mapping[str, tuple[str, Any]]
+    unstated: frozenset[str]
 
 
 def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
@@ -117,7 +123,7 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
     """Yield the parameters of a part and of the parts in it."""
     for name, field in type(part).model_fields.items():
         place, value = f"{path}.{name}".lstrip("."), getattr(part, name)
-        given = is_given and name in part.model_fields_set
+        given = is_given and name in part.model_fields_set and place not in origins.unstated
         inner = list(_list_inner(value))
         for step, inner_part in inner:
             yield from _iterate_part(inner_part, f"{place}{step}", origins, is_given=given)

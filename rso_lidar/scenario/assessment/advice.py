@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import detector, units
-from rso_lidar.detector import DetectorTraits
+from rso_lidar.detector import DetectorTraits, find_saturation_photons
 from rso_lidar.motion import advise_on_motion, find_plan
 from rso_lidar.optics import sun_photons_per_s_m2
 from rso_lidar.part import name_object, python_objects
@@ -292,14 +292,17 @@ def _advise_on_brightness(mission: Mission, preview: Preview) -> list[str]:
             continue
         (returns,) = casts = cast_attitudes(mission, preview, number, row, most=1)
         photons = float(np.median(returns.photons)) if returns.pixel.size else 0.0
-        traits = mission.lidar.detector.traits
+        traits, full = (
+            mission.lidar.detector.traits,
+            find_saturation_photons(mission.lidar.detector, mission.lidar.pulse),
+        )
         most = float(returns.photons.max(initial=0.0))
-        if photons >= traits.saturation_photons or most >= traits.clipped_range_photons:
+        if photons >= full or most >= traits.clipped_range_photons:
             spoilt = int((returns.photons >= traits.clipped_range_photons).sum())
             what = (
-                f"half of its pixels or more clip the converter ({photons:,.0f} photons in the median pixel)"
-                if photons >= traits.saturation_photons
-                else f"some of its pixels clip the converter ({most:,.0f} photons in the brightest)"
+                f"half of its pixels or more saturate ({photons:,.0f} photons in the median pixel)"
+                if photons >= full
+                else f"some of its pixels saturate ({most:,.0f} photons in the brightest)"
             )
             error = f", and the range of {spoilt} is off by decimetres" if spoilt else ""
             cures = ["lower lidar.laser.energy_mj or the aperture", *filter(None, [traits.strong_return_cure])]

@@ -195,9 +195,11 @@ def _describe_detector(mission: Mission) -> list[str]:
         names = ", ".join(constant.name for constant in calibration.constants) or "maps of the pixels"
         fitted = f"  fitted    {names}: calibration '{calibration.name}' of {calibration.date_utc:%Y-%m-%d}"
         lines = [lines[0], fitted, *lines[1:]]
-    first = max(len(lines) - 1, 1)
+    first = max(len(lines) - 1, 1 if calibration is None else 2)
     lidar = mission.lidar
-    foreign = detector.describe_foreign_constants(lidar.detector, lidar.pulse, lidar.laser.wavelength_m)
+    foreign = detector.describe_foreign_constants(
+        lidar.detector, lidar.pulse, lidar.laser.wavelength_m, lidar.unstated_settings
+    )
     solved = [f"  constants {line}" for line in foreign]
     return [*lines[:first], *_describe_detection(mission), *solved, *describe_separations(mission), *lines[first:]]
 

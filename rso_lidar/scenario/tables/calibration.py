@@ -23,6 +23,13 @@ class CalibratedConstant(Part):
     high: Number = Field(description="Upper end of the confidence interval, in the unit of the name.")
 
 
+class AssumedSetting(Part):
+    """A setting of the detector that neither the fit nor the scenario of the bench gave."""
+
+    name: Text = Field(description="Dotted name in `[lidar.detector]`, such as `apd.dark_current_na`.")
+    value: Number = Field(description="Its default in the package, in the unit of the name.")
+
+
 class CalibrationData(Part):
     """A measured curve or map that constants were fitted to."""
 
@@ -54,6 +61,13 @@ class Calibration(Part):
         description="SHA-256 of the file of maps that `detector.maps.file` names. If omitted, there is none.",
     )
     constants: tuple[CalibratedConstant, ...] = Field(description="The fitted constants.")
+    assumed: tuple[AssumedSetting, ...] = Field(
+        default=(),
+        description=(
+            "Settings that were left at a default of the package that is assumed, solved or fitted. All others were stated "
+            "for the bench, or have a published source."
+        ),
+    )
     data: tuple[CalibrationData, ...] = Field(description="The measured curves and maps.")
 
     def list_overridden(self, detector: AnyDetector) -> list[str]:
@@ -63,17 +77,27 @@ class Calibration(Part):
         ----------
         detector : of the scenario that takes the calibration, with the path of its file of maps
         """
-        changed = []
-        for constant in self.constants:
-            try:
-                value = get_constant(detector, constant.name)
-            except (AttributeError, TypeError):  # a detector of another type, or without the part
-                value = None
-            if value != constant.value:
-                changed.append(constant.name)
+        changed = [constant.name for constant in self.constants if not _has(detector, constant)]
         if self.maps_sha256 is not None and _hash_maps(detector) != self.maps_sha256:
             changed.append("maps.file")
         return changed
+
+    def list_assumed(self, detector: AnyDetector) -> list[str]:
+        """Return the names of the assumed settings that a detector still has with the same value.
+
+        Parameters
+        ----------
+        detector : of the scenario that takes the calibration
+        """
+        return [setting.name for setting in self.assumed if _has(detector, setting)]
+
+
+def _has(detector: AnyDetector, setting: AssumedSetting | CalibratedConstant) -> bool:
+    """Return whether a detector has a setting with its value."""
+    try:
+        return get_constant(detector, setting.name) == setting.value
+    except (AttributeError, TypeError):  # a detector of another type, or without the part
+        return False
 
 
 def _hash_maps(detector: AnyDetector) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Set
 from functools import lru_cache
 from typing import Annotated, Any, Self
 
@@ -101,7 +101,8 @@ class Lidar(Part):
                 own = load_preset_file(name, (info.context or {}).get("folder"))
             except ScenarioError as error:
                 raise ValueError(f"preset: {error}") from None
-            return _merge_tables(own, {key: value for key, value in given.items() if key != "preset"})
+            merged = _merge_tables(own, {key: value for key, value in given.items() if key != "preset"})
+            return _drop_stated(merged, set(_list_names(given.get("detector"))))
         if name not in load_presets():
             raise ValueError(
                 f"preset: no camera '{name}'{did_you_mean(name, load_presets())} (known: {', '.join(load_presets())})"
@@ -174,6 +175,11 @@ class Lidar(Part):
         """Number of returns of a pixel that are listed."""
         return self.detector.traits.max_returns
 
+    @property
+    def unstated_settings(self) -> list[str]:
+        """Names of the detector's settings that a preset file has from assumed defaults of the package."""
+        return [] if self.calibration is None else self.calibration.list_assumed(self.detector)
+
     def at(self, time_s: float, command: Command | None = None) -> Lidar:
         """Return the instrument with the settings in force at one time: those of the schedule, then those of a command.
 
@@ -202,8 +208,30 @@ class Lidar(Part):
         return _with_settings(self, tuple(settings.items()))
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with some fields changed; a new preset replaces the values that came from the old one."""
+        """Return a copy with some fields changed; a new preset replaces the values that came from the old one.
+
+        Parameters
+        ----------
+        **changes : new values by the names of their fields, in the units of those names
+
+        Raises
+        ------
+        ScenarioError
+            If a name is unknown or a value is not allowed, and for a preset of a lidar whose detector was fitted: what its
+            preset file stated cannot be told from what the scenario did.
+        """
         new = changes.get("preset")
+        if (
+            new is not None
+            and self.preset is None
+            and self.calibration
+            and not {"detector", "calibration"} <= set(changes)
+        ):
+            raise ScenarioError(
+                f"lidar.preset: the values of the camera '{self.calibration.name}' took the place of its preset file, and "
+                f"'{new}' would not replace them; make a new one: rl.Lidar(preset=..., laser=lidar.laser, "
+                "receiver=lidar.receiver)"
+            )
         if new is not None and self.preset is not None and new != self.preset:
             old = Lidar(preset=self.preset)  # type: ignore[call-arg]
             for name in ("laser", "receiver", "detector"):
@@ -247,6 +275,24 @@ def _merge_tables(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[s
             value = {name: getattr(value, name) for name in value.model_fields_set}
         result[key] = _merge_tables(old, value) if mixes and isinstance(value, Mapping) else value  # type: ignore[arg-type]
     return result
+
+
+def _list_names(table: Any, place: str = "") -> Iterator[str]:
+    """Yield the dotted names of the settings that a table or a part states."""
+    if isinstance(table, Part):
+        table = {name: getattr(table, name) for name in table.model_fields_set}
+    for name, value in table.items() if isinstance(table, Mapping) else ():
+        yield f"{place}{name}"
+        yield from _list_names(value, f"{place}{name}.")
+
+
+def _drop_stated(lidar: dict[str, Any], stated: Set[str]) -> dict[str, Any]:
+    """Leave out of a calibration's assumed settings those that the scenario states, in tables that are not checked yet."""
+    calibration = lidar.get("calibration")
+    if not isinstance(calibration, Mapping) or not isinstance(assumed := calibration.get("assumed"), list):
+        return lidar
+    left = [setting for setting in assumed if not isinstance(setting, Mapping) or setting.get("name") not in stated]
+    return {**lidar, "calibration": {**calibration, "assumed": left}}
 
 
 def _find_type(value: Any, old: Mapping[str, Any]) -> Any:

@@ -15,8 +15,10 @@ from rso_lidar.detector import (
     Readout,
     Saturation,
     detect,
+    find_saturation_photons,
     list_camera_figures,
     predict,
+    simulate_walk_curve,
 )
 from rso_lidar.detector.bench.trial import make_plate
 from tests.detector.returns_for_tests import nothing
@@ -88,6 +90,42 @@ def test_pulses_saturate_at_the_stated_photons(saturation):
     if saturation is None:  # which the closed form leaves out
         pulse = LaserPulse(*laser.pulse, laser.pulse_fwhm_s)
         assert predict(gsfl, pulse, np.array([0.92, 1.08]) * full, np.zeros(2)).saturated.tolist() == [False, True]
+
+
+SATURATING = [
+    pytest.param(Gsfl(), 1.03, id="converter"),
+    pytest.param(Gsfl(amplifier=Amplifier(bandwidth_mhz=300.0)), 1.03, id="fast amplifier"),
+    pytest.param(Gsfl(gate=rl.detector.Gate(delay_ns=300.0, width_ns=200.0)), 1.03, id="gate"),
+    pytest.param(Gsfl(saturation=Saturation(rail_electrons=200_000.0)), 1.11, id="rail"),
+]
+
+
+@pytest.mark.parametrize("fwhm_ns", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize(("gsfl", "above"), SATURATING)
+def test_there_is_one_law_of_saturation_for_all_pulses(gsfl, above, fwhm_ns):
+    """Half of all flashes saturate within 3 % of it, or within 11 % where samples may miss a short time on the rail."""
+    laser = rl.Laser(pulse_fwhm_ns=fwhm_ns)
+    pulse = LaserPulse(*laser.pulse, laser.pulse_fwhm_s)
+    full = find_saturation_photons(gsfl, pulse)
+    assert figures(gsfl, fwhm_ns)["saturation_photons"].value == full
+    near = predict(gsfl, pulse, np.array([0.99, 1.01]) * full, np.zeros(2))  # the closed form's own peak
+    assert near.saturated.tolist() == [False, True]
+    trial = simulate_walk_curve(gsfl, pulse, np.array([0.97, above]) * full, pixels=400, range_m=60.0)
+    assert trial.saturated_fraction[0] < 0.25 and trial.saturated_fraction[1] > 0.5
+
+
+def test_the_rail_counts_in_the_traits_too():
+    """A quantum efficiency of 0.8 and a gain of 10 make 8 electrons of a photon; the converter clips at 806,200."""
+    for rail, electrons in ((200_000.0, 200_000.0), (2e6, 806_200.0)):
+        traits = Gsfl(saturation=Saturation(rail_electrons=rail)).traits
+        assert traits.saturation_photons == pytest.approx(electrons / 8.0)
+        assert traits.clipped_range_photons == pytest.approx(30.0 * electrons / 8.0)
+
+
+@pytest.mark.parametrize("detector", [rl.Empirical(adc_bits=10), rl.GeigerArray()])
+def test_other_detectors_saturate_as_their_traits_say(detector):
+    pulse = LaserPulse(*rl.Laser().pulse, 8e-9)
+    assert find_saturation_photons(detector, pulse) == detector.traits.saturation_photons < math.inf
 
 
 def test_the_nep_of_a_photon_counter_doubles_nothing_but_its_noise():

@@ -2,9 +2,10 @@ import hashlib
 
 import pytest
 
+from rso_lidar.detector import list_assumed_settings
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.evaluation import CurvesFile, fit_camera
-from rso_lidar.mission_analysis import list_parameters
+from rso_lidar.mission_analysis import data_sheet, list_parameters
 from rso_lidar.scenario import Lidar, Scenario
 from tests.evaluation.camera_calibration.bench_for_tests import CURVES, HIDDEN, SCENARIO, make_table, write_bench
 
@@ -74,10 +75,70 @@ def test_check_and_parameters_say_what_is_measured(fitted, tmp_path):
     assert not [line for line in scenario.advice() if "calibration" in line]
     sources = {parameter.path: parameter.source for parameter in list_parameters(scenario).parameters}
     assert sources["lidar.detector.reference_photons"] == "calibration invented"
-    assert sources["lidar.detector.counts_per_photon"] == "scenario"
+    assert sources["lidar.detector.counts_per_photon"].startswith("default: fitted")
+    assert sources["lidar.detector.quantum_efficiency"] == "scenario"
     other = Scenario.loads(text.replace("pulse_fwhm_ns = 6", "pulse_fwhm_ns = 9"), folder=tmp_path)
     (line,) = [line for line in other.advice() if "calibration" in line]
     assert "was measured at 6 ns, and lidar.laser.pulse_fwhm_ns is 9" in line
+
+
+def fly(camera, folder, keys="", lidar=SCENARIO):
+    """Return a scenario that takes the preset file of a fitted camera, with further keys of its detector."""
+    camera.save_preset(folder / "own.toml", overwrite=True)
+    own = f'preset = "own.toml"\ndetector = {{ {keys} }}'
+    text = lidar.replace('detector = { type = "empirical", quantum_efficiency = 0.7 }', own)
+    return Scenario.loads(text, folder=folder)
+
+
+def test_a_preset_says_which_settings_are_still_assumed(fitted, tmp_path):
+    """The bench states the quantum efficiency, the fit finds two constants, and all else is a default of the package."""
+    _, camera = fitted
+    lidar = fly(camera, tmp_path).lidar
+    assumed = list_assumed_settings(lidar.detector, lidar.unstated_settings)
+    assert assumed == list_assumed_settings(camera.lidar.detector.replace(**HIDDEN))
+    assert {"armed_to_m", "counts_per_photon"} < set(assumed)
+    assert not {"quantum_efficiency", "reference_photons", "noise_equivalent_photons"} & set(assumed)
+    recorded = Scenario.loads(fly(camera, tmp_path).source.scenario).lidar
+    assert list_assumed_settings(recorded.detector, recorded.unstated_settings) == assumed
+
+
+def test_what_a_scenario_states_over_a_preset_is_not_assumed(fitted, tmp_path):
+    """Neither a value of the user's own, nor one that happens to be the default."""
+    _, camera = fitted
+    same = fly(camera, tmp_path, "armed_to_m = 5000, counts_per_photon = 0.5").lidar
+    assert "adc_bits" in same.unstated_settings
+    assert not {"armed_to_m", "counts_per_photon"} & set(same.unstated_settings)
+    later = fly(camera, tmp_path).lidar
+    assert "adc_bits" not in later.replace(detector=later.detector.replace(adc_bits=14)).unstated_settings
+
+
+def test_check_and_the_data_sheet_name_what_a_preset_assumes(fitted, tmp_path):
+    _, camera = fitted
+    scenario = fly(camera, tmp_path)
+    (line,) = [line for line in scenario.describe().splitlines() if "defaults of the package" in line]
+    assert "armed_to_m" in line and "quantum_efficiency" not in line and "reference_photons" not in line
+    (note,) = [note for note in data_sheet(scenario.lidar, trials=50).notes if "Defaults of the package" in note]
+    assert "armed_to_m" in note and "quantum_efficiency" not in note
+
+
+def test_a_second_fit_keeps_what_is_assumed(fitted, tmp_path):
+    folder, camera = fitted
+    again = fit_camera(fly(camera, tmp_path).lidar, CurvesFile.load(folder / "curves.toml"))
+    assert again.calibration.assumed == camera.calibration.assumed
+
+
+def test_a_fitted_camera_refuses_another_preset_by_name(fitted, tmp_path):
+    """It had no effect: the values of the file had taken the place of its name."""
+    _, camera = fitted
+    lidar = fly(camera, tmp_path).lidar
+    with pytest.raises(
+        ScenarioError, match=r"lidar\.preset: .*'invented'.*rl\.Lidar\(preset=\.\.\., laser=lidar\.laser"
+    ):
+        lidar.replace(preset="gsfl_1064")
+    with pytest.raises(ScenarioError, match=r"'own\.toml' would not replace them"):
+        lidar.replace(preset="own.toml")
+    made = Lidar(preset="gsfl_1064", laser=lidar.laser, receiver=lidar.receiver)  # as the message says
+    assert made.detector == Lidar(preset="gsfl_1064").detector and made.calibration is None
 
 
 def test_a_rejected_fit_writes_no_preset(tmp_path):

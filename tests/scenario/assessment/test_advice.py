@@ -140,9 +140,17 @@ class TestLaserAside:
 
 
 def test_a_target_that_blinds(advice):
-    only(advice("lidar.laser.energy_mj=50000"), "half of its pixels or more clip the converter", "energy_mj")
+    only(advice("lidar.laser.energy_mj=50000"), "half of its pixels or more saturate", "energy_mj")
     # What is planned for the nearest approach counts, not the energy beside the plan.
     assert advice("lidar.laser.energy_mj=50000", "lidar.schedule={time_s=[0], energy_mj=[50]}") == []
+
+
+def test_a_short_pulse_and_a_low_rail_blind_with_less_light(advice):
+    """The median pixel has 67,000 photons. 8 ns saturate at 108,776, 4 ns at 63,320, and 8 ns on that rail at 54,000."""
+    assert advice("lidar.laser.energy_mj=800") == []
+    only(advice("lidar.laser.energy_mj=800", "lidar.laser.pulse_fwhm_ns=4"), "half of its pixels or more saturate")
+    rail = "lidar.detector.saturation={rail_electrons=4e5}"
+    only(advice("lidar.laser.energy_mj=800", rail), "half of its pixels or more saturate")
 
 
 def test_a_psf_of_another_wavelength_is_told(advice, tmp_path):

@@ -1,0 +1,1 @@
+"""Full waveforms that a real flash lidar recorded, and those of the simulated chain beside them."""
