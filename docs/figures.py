@@ -56,6 +56,7 @@ ALGORITHMS = {
     "parabola": palette.PINK,
     "leading_edge": palette.RED,
 }
+NEAREST_FRAME = 539  # the last of tdrs_approach: its target at 300 m
 CM = units.RANGE_PER_DELAY_M_S / units.CM  # a delay in seconds as a range in cm
 
 
@@ -528,6 +529,45 @@ def shared() -> Any:
     scatter.set(ylim=(0, 16), xlim=(0, 1.03))
     figures.style_axes(scatter, "Crosstalk: range, 1 sigma", x="Share of the array that latches together", y="[cm]")
     key(scatter, "upper left")
+    return figure
+
+
+def neighbours() -> Any:
+    """A satellite in one frame without and with crosstalk in amplitude, and the row of its brightest pixel."""
+    from matplotlib.colors import LogNorm
+
+    scenario = rl.Scenario.load(Path(__file__).resolve().parent.parent / "examples" / "tdrs_approach.toml")
+    figure = figures.new_figure(
+        9.6, 4.4, "Crosstalk in amplitude",
+        "tdrs_approach at its nearest, one frame with the same noise: Gsfl() without and with amplitude_crosstalk = {}",
+    )  # fmt: skip
+    *images, profile = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 1.25))
+    frames = []
+    for part in (None, rl.detector.AmplitudeCrosstalk()):
+        detector = scenario.lidar.detector.replace(amplitude_crosstalk=part)
+        coupled = scenario.replace(lidar=scenario.lidar.replace(detector=detector))
+        frames.append(next(iter(rl.simulate(coupled, frames=[NEAREST_FRAME]))))
+    row, col = np.unravel_index(np.argmax(frames[0].labels.photons), frames[0].range_m.shape)
+    left, top = min(col - 32, 128 - 64) - 0.5, min(row - 32, 128 - 64) - 0.5
+    for frame, axes, name in zip(frames, images, ("without", "with"), strict=True):
+        counts = np.where(frame.valid, frame.intensity_counts, np.nan)
+        shown = axes.imshow(counts, cmap=colour_maps.AMOUNT_RAMP, norm=LogNorm(20.0, 4100.0), interpolation="none")
+        axes.set(xlim=(left, left + 64), ylim=(top + 64, top), xticks=[], yticks=[])
+        figures.style_axes(axes, name, note=f"{int(frame.valid.sum()):,} pixels report")
+        axes.grid(visible=False)
+    bar = figure.colorbar(shown, ax=images, shrink=0.8, pad=0.01)
+    figures.style_bar(bar, "Counts")
+    threshold = (
+        scenario.lidar.detector.trigger.threshold_electrons / scenario.lidar.detector.readout.electrons_per_count
+    )
+    for frame, colour, name in zip(frames, (palette.BLUE, palette.ORANGE), ("without", "with"), strict=True):
+        counts = np.where(frame.valid[row], frame.intensity_counts[row], np.nan)
+        profile.plot(counts, ".-", color=colour, ms=4, lw=figures.THIN_PT, label=name)
+        sys.stdout.write(f"crosstalk in amplitude, {name}: {int(frame.valid.sum())} pixels report\n")
+    profile.axhline(threshold, color=palette.RED, lw=figures.THIN_PT, ls="--", label="threshold")
+    profile.set(yscale="log", ylim=(2.0, 6000.0), xlim=(left, left + 64))
+    figures.style_axes(profile, "Row of the brightest pixel", x="Column", y="Counts")
+    key(profile, "lower left")
     return figure
 
 
@@ -1466,6 +1506,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "pixel": pixel,
     "gate": gate,
     "shared": shared,
+    "amplitude_crosstalk": neighbours,
     "separation": separation,
     "operations": operations,
     "safety_ellipse": safety_ellipse,

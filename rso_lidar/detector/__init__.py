@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.settings.data_sheet import DataSheet
     from rso_lidar.detector.settings.empirical import Empirical
     from rso_lidar.detector.settings.focal_plane import (
+        AmplitudeCrosstalk,
         Bloom,
         Crosstalk,
         Defects,
@@ -84,6 +85,7 @@ __all__ = [
     "SIGNAL_OVER_THRESHOLD",
     "SOLVED_CONSTANTS",
     "Amplifier",
+    "AmplitudeCrosstalk",
     "AnyDetector",
     "Apd",
     "ArrayLoad",

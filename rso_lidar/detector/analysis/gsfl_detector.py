@@ -34,6 +34,7 @@ _OPTIONAL = (
     "bloom",
     "droop",
     "crosstalk",
+    "amplitude_crosstalk",
     "speckle",
 )  # parts of a focal plane, off by default
 

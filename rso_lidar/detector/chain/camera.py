@@ -89,6 +89,7 @@ def _build(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int) -> FlashCamera:
             speckle=gsfl.speckle,
             droop=gsfl.droop,
             saturation=gsfl.saturation,
+            amplitude_crosstalk=gsfl.amplitude_crosstalk,
             has_gain_map=gsfl.maps is not None,
             has_timing_channel=gsfl.zero_crossing is not None,
         ),
