@@ -536,17 +536,14 @@ def neighbours() -> Any:
     """A satellite in one frame without and with crosstalk in amplitude, and the row of its brightest pixel."""
     from matplotlib.colors import LogNorm
 
-    scenario = rl.Scenario.load(Path(__file__).resolve().parent.parent / "examples" / "tdrs_approach.toml")
+    scenario = _load_approach()
     figure = figures.new_figure(
         9.6, 4.4, "Crosstalk in amplitude",
         "tdrs_approach at its nearest, one frame with the same noise: Gsfl() without and with amplitude_crosstalk = {}",
     )  # fmt: skip
     *images, profile = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 1.25))
-    frames = []
-    for part in (None, rl.detector.AmplitudeCrosstalk()):
-        detector = scenario.lidar.detector.replace(amplitude_crosstalk=part)
-        coupled = scenario.replace(lidar=scenario.lidar.replace(detector=detector))
-        frames.append(next(iter(rl.simulate(coupled, frames=[NEAREST_FRAME]))))
+    parts = (None, rl.detector.AmplitudeCrosstalk())
+    frames = [_fly_nearest(scenario, amplitude_crosstalk=part) for part in parts]
     row, col = np.unravel_index(np.argmax(frames[0].labels.photons), frames[0].range_m.shape)
     left, top = min(col - 32, 128 - 64) - 0.5, min(row - 32, 128 - 64) - 0.5
     for frame, axes, name in zip(frames, images, ("without", "with"), strict=True):
@@ -568,6 +565,62 @@ def neighbours() -> Any:
     profile.set(yscale="log", ylim=(2.0, 6000.0), xlim=(left, left + 64))
     figures.style_axes(profile, "Row of the brightest pixel", x="Column", y="Counts")
     key(profile, "lower left")
+    return figure
+
+
+def _load_approach() -> rl.Scenario:
+    """Load the example tdrs_approach."""
+    return rl.Scenario.load(Path(__file__).resolve().parent.parent / "examples" / "tdrs_approach.toml")
+
+
+def _fly_nearest(scenario: rl.Scenario, **changes: Any) -> rl.Frame:
+    """Simulate the last frame of tdrs_approach with a changed detector."""
+    changed = scenario.lidar.replace(detector=scenario.lidar.detector.replace(**changes))
+    return next(iter(rl.simulate(scenario.replace(lidar=changed), frames=[NEAREST_FRAME])))
+
+
+def report() -> Any:
+    """Return a frame as measured and as an import script reads its words, with its flags and what is true of them."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    words = rl.detector.ReportWords(range_quantum_m=1.0, range_bits=10, no_return_word=320, flags=True)
+    frame = _fly_nearest(_load_approach(), amplitude_crosstalk=rl.detector.AmplitudeCrosstalk(), report=words)
+    figure = figures.new_figure(
+        9.6, 6.6, "A frame and its report",
+        "tdrs_approach at its nearest with amplitude_crosstalk = {}; words of 1 m, coarse to be seen; 320 without a return",
+    )  # fmt: skip
+    (measured, reported), (said, true) = figure.subplots(2, 2)
+    range_m = np.where(frame.valid, frame.range_m, np.nan)
+    read_m = (words.encode(frame.observation.reading)[0] >> words.intensity_bits & (2**words.range_bits - 1)).astype(
+        float
+    )
+    for axes, image, name in ((measured, range_m, "Range, measured"), (reported, read_m, "Range, from the words")):
+        shown = axes.imshow(image, cmap=colour_maps.RANGE_RAMP, vmin=300.0, vmax=320.0, interpolation="none")
+        figures.style_axes(axes, name)
+    figures.style_bar(figure.colorbar(shown, ax=[measured, reported], shrink=0.9, pad=0.01), "[m]")
+    names = ("no return", "no flag", "crosstalk", "saturated", "superimposed")
+    colours = (palette.NO_RETURN, palette.OTHER_PART, *palette.PARTS[:3])  # as they are on both pages
+    for axes, flags, name in (
+        (said, frame.observation.reading, "Flags, as the sensor says"),
+        (true, frame.labels, "Flags, as labels know"),
+    ):
+        image = frame.valid.astype(int)
+        for number, flag in enumerate(names[2:], 2):
+            image[frame.valid & getattr(flags, flag).astype(bool)] = number
+            sys.stdout.write(f"{name}: {flag} {int(getattr(flags, flag)[frame.valid].sum())}\n")
+        axes.imshow(image, cmap=ListedColormap(colours), vmin=-0.5, vmax=4.5, interpolation="none")
+        figures.style_axes(axes, name)
+    true.legend(
+        handles=[Patch(color=colour, label=label) for colour, label in zip(colours, names, strict=True)],
+        loc="center left",
+        bbox_to_anchor=(1.01, 0.5),
+        frameon=False,
+        fontsize=figures.TEXT_PT,
+    )
+    for axes in figure.axes[:4]:
+        axes.set(xticks=[], yticks=[])
+        axes.grid(visible=False)
     return figure
 
 
@@ -1507,6 +1560,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "gate": gate,
     "shared": shared,
     "amplitude_crosstalk": neighbours,
+    "report": report,
     "separation": separation,
     "operations": operations,
     "safety_ellipse": safety_ellipse,

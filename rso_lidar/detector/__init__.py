@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         false_alarm_probability,
         frame_jitter_s,
         isolate,
+        label_flags,
         list_neglected_effects,
         noise_growth,
         report_probability,
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.settings.gsfl import Gsfl, list_determined
     from rso_lidar.detector.settings.presets import DETECTOR_PRESETS, SOLVED_CONSTANTS
     from rso_lidar.detector.settings.readout import LowGain, Readout
+    from rso_lidar.detector.settings.report import ReportWords
     from rso_lidar.detector.settings.threshold_condition import ThresholdCondition
     from rso_lidar.detector.settings.traits import DetectorTraits
     from rso_lidar.detector.settings.trigger import Trigger
@@ -116,6 +118,7 @@ __all__ = [
     "Pulse",
     "Ranging",
     "Readout",
+    "ReportWords",
     "Saturation",
     "Speckle",
     "Surroundings",
@@ -148,6 +151,7 @@ __all__ = [
     "get_constant",
     "isolate",
     "k_of_n",
+    "label_flags",
     "list_assumed_settings",
     "list_camera_figures",
     "list_determined",

@@ -23,6 +23,9 @@ UNITS = {  # how a name ends, and what its description says in brackets
 }  # fmt: skip
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS)
 NO_SUFFIX = {  # name: why it needs none
+    "intensity_bits": "a number of bits",
+    "no_return_word": "a word, in steps of the quantum",
+    "range_bits": "a number of bits",
     "p_value": "a probability",
     "photons": "in the unit that photons_per_unit states",
     "photons_per_unit": "a ratio, to the unit of the column",

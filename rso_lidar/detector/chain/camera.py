@@ -12,6 +12,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.chain.analog import FrontEnd
 from rso_lidar.detector.chain.measurement import RangeProcessor
+from rso_lidar.detector.chain.report_flags import Flagger
 from rso_lidar.detector.chain.timing import TimeAxis, build_axis, plan_time
 from rso_lidar.detector.ranging.bipolar_pulse import crossing_lead_s
 from rso_lidar.detector.ranging.gate_threshold import GateThresholds
@@ -143,6 +144,7 @@ def _build_processor(gsfl: Gsfl, pixels: CameraPixels, pulse: Pulse) -> RangePro
         returns=gsfl.returns,
         max_returns=gsfl.max_returns,
         full_scale_counts=gsfl.full_scale_counts,
+        flagger=Flagger(locator, gsfl.amplitude_crosstalk) if gsfl.has_flags else None,
     )
 
 

@@ -29,6 +29,7 @@ from rso_lidar.detector.settings.focal_plane import (
 from rso_lidar.detector.settings.gate import Gate
 from rso_lidar.detector.settings.presets import DETECTOR_PRESETS, SOLVED_CONSTANTS
 from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector.settings.report import ReportWords
 from rso_lidar.detector.settings.threshold_condition import ThresholdCondition
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.detector.settings.trigger import Trigger
@@ -188,6 +189,10 @@ class Gsfl(Part):
     )
     speckle: Speckle | None = Field(
         default=None, description="Interference of coherent light. If omitted, there is none."
+    )
+    report: ReportWords | None = Field(
+        default=None,
+        description="Integer words in which the camera reports its pixels. If omitted, the frame has numbers alone.",
     )
 
     @model_validator(mode="before")
@@ -448,6 +453,11 @@ class Gsfl(Part):
     def frame_jitter_s(self) -> float:
         """Jitter of a whole frame [s, 1 sigma]; each pulse that a gate averages has its own."""
         return self.timing.frame_jitter_ns * units.NS / math.sqrt(self.gate.pulses if self.gate else 1)
+
+    @property
+    def has_flags(self) -> bool:
+        """Whether returns are flagged as crosstalk and as superimposed, with labels of what is true."""
+        return self.report is not None and self.report.flags
 
     @property
     def has_coupled_pixels(self) -> bool:
