@@ -56,6 +56,7 @@ ALGORITHMS = {
     "parabola": palette.PINK,
     "leading_edge": palette.RED,
 }
+NEAREST_FRAME = 539  # the last of tdrs_approach: its target at 300 m
 CM = units.RANGE_PER_DELAY_M_S / units.CM  # a delay in seconds as a range in cm
 
 
@@ -585,6 +586,98 @@ def shared() -> Any:
     scatter.set(ylim=(0, 16), xlim=(0, 1.03))
     figures.style_axes(scatter, "Crosstalk: range, 1 sigma", x="Share of the array that latches together", y="[cm]")
     key(scatter, "upper left")
+    return figure
+
+
+def neighbours() -> Any:
+    """A satellite in one frame without and with crosstalk in amplitude, and the row of its brightest pixel."""
+    from matplotlib.colors import LogNorm
+
+    scenario = _load_approach()
+    figure = figures.new_figure(
+        9.6, 4.4, "Crosstalk in amplitude",
+        "tdrs_approach at its nearest, one frame with the same noise: Gsfl() without and with amplitude_crosstalk = {}",
+    )  # fmt: skip
+    *images, profile = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 1.25))
+    parts = (None, rl.detector.AmplitudeCrosstalk())
+    frames = [_fly_nearest(scenario, amplitude_crosstalk=part) for part in parts]
+    row, col = np.unravel_index(np.argmax(frames[0].labels.photons), frames[0].range_m.shape)
+    left, top = min(col - 32, 128 - 64) - 0.5, min(row - 32, 128 - 64) - 0.5
+    for frame, axes, name in zip(frames, images, ("without", "with"), strict=True):
+        counts = np.where(frame.valid, frame.intensity_counts, np.nan)
+        shown = axes.imshow(counts, cmap=colour_maps.AMOUNT_RAMP, norm=LogNorm(20.0, 4100.0), interpolation="none")
+        axes.set(xlim=(left, left + 64), ylim=(top + 64, top), xticks=[], yticks=[])
+        figures.style_axes(axes, name, note=f"{int(frame.valid.sum()):,} pixels report")
+        axes.grid(visible=False)
+    bar = figure.colorbar(shown, ax=images, shrink=0.8, pad=0.01)
+    figures.style_bar(bar, "Counts")
+    threshold = (
+        scenario.lidar.detector.trigger.threshold_electrons / scenario.lidar.detector.readout.electrons_per_count
+    )
+    for frame, colour, name in zip(frames, (palette.BLUE, palette.ORANGE), ("without", "with"), strict=True):
+        counts = np.where(frame.valid[row], frame.intensity_counts[row], np.nan)
+        profile.plot(counts, ".-", color=colour, ms=4, lw=figures.THIN_PT, label=name)
+        sys.stdout.write(f"crosstalk in amplitude, {name}: {int(frame.valid.sum())} pixels report\n")
+    profile.axhline(threshold, color=palette.RED, lw=figures.THIN_PT, ls="--", label="threshold")
+    profile.set(yscale="log", ylim=(2.0, 6000.0), xlim=(left, left + 64))
+    figures.style_axes(profile, "Row of the brightest pixel", x="Column", y="Counts")
+    key(profile, "lower left")
+    return figure
+
+
+def _load_approach() -> rl.Scenario:
+    """Load the example tdrs_approach."""
+    return rl.Scenario.load(Path(__file__).resolve().parent.parent / "examples" / "tdrs_approach.toml")
+
+
+def _fly_nearest(scenario: rl.Scenario, **changes: Any) -> rl.Frame:
+    """Simulate the last frame of tdrs_approach with a changed detector."""
+    changed = scenario.lidar.replace(detector=scenario.lidar.detector.replace(**changes))
+    return next(iter(rl.simulate(scenario.replace(lidar=changed), frames=[NEAREST_FRAME])))
+
+
+def report() -> Any:
+    """Return a frame as measured and as an import script reads its words, with its flags and what is true of them."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    words = rl.detector.ReportWords(range_quantum_m=1.0, range_bits=10, no_return_word=320, flags=True)
+    frame = _fly_nearest(_load_approach(), amplitude_crosstalk=rl.detector.AmplitudeCrosstalk(), report=words)
+    figure = figures.new_figure(
+        9.6, 6.6, "A frame and its report",
+        "tdrs_approach at its nearest with amplitude_crosstalk = {}; words of 1 m, coarse to be seen; 320 without a return",
+    )  # fmt: skip
+    (measured, reported), (said, true) = figure.subplots(2, 2)
+    range_m = np.where(frame.valid, frame.range_m, np.nan)
+    read_m = (words.encode(frame.observation.reading)[0] >> words.intensity_bits & (2**words.range_bits - 1)).astype(
+        float
+    )
+    for axes, image, name in ((measured, range_m, "Range, measured"), (reported, read_m, "Range, from the words")):
+        shown = axes.imshow(image, cmap=colour_maps.RANGE_RAMP, vmin=300.0, vmax=320.0, interpolation="none")
+        figures.style_axes(axes, name)
+    figures.style_bar(figure.colorbar(shown, ax=[measured, reported], shrink=0.9, pad=0.01), "[m]")
+    names = ("no return", "no flag", "crosstalk", "saturated", "superimposed")
+    colours = (palette.NO_RETURN, palette.OTHER_PART, *palette.PARTS[:3])  # as they are on both pages
+    for axes, flags, name in (
+        (said, frame.observation.reading, "Flags, as the sensor says"),
+        (true, frame.labels, "Flags, as labels know"),
+    ):
+        image = frame.valid.astype(int)
+        for number, flag in enumerate(names[2:], 2):
+            image[frame.valid & getattr(flags, flag).astype(bool)] = number
+            sys.stdout.write(f"{name}: {flag} {int(getattr(flags, flag)[frame.valid].sum())}\n")
+        axes.imshow(image, cmap=ListedColormap(colours), vmin=-0.5, vmax=4.5, interpolation="none")
+        figures.style_axes(axes, name)
+    true.legend(
+        handles=[Patch(color=colour, label=label) for colour, label in zip(colours, names, strict=True)],
+        loc="center left",
+        bbox_to_anchor=(1.01, 0.5),
+        frameon=False,
+        fontsize=figures.TEXT_PT,
+    )
+    for axes in figure.axes[:4]:
+        axes.set(xticks=[], yticks=[])
+        axes.grid(visible=False)
     return figure
 
 
@@ -1652,6 +1745,8 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "gate": gate,
     "droop": droop,
     "shared": shared,
+    "amplitude_crosstalk": neighbours,
+    "report": report,
     "separation": separation,
     "operations": operations,
     "safety_ellipse": safety_ellipse,

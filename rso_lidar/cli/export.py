@@ -17,6 +17,7 @@ from rso_lidar.files import count_bytes
 _OF_A_TARGET = ("tum", "kitti")
 _OF_A_BODY = ("oem", "aem")
 _OF_A_SENSOR = ("csv", "parquet")
+_OF_A_CAMERA = ("raster",)
 _QUICK = ("tum", "kitti", "csv", "parquet", "oem", "aem", "czml")  # read no image
 
 
@@ -46,6 +47,19 @@ def export(
         str | None,
         typer.Option("--sensor", metavar="NAME", help="csv, parquet: the samples of this sensor, not the truth."),
     ] = None,
+    header_bytes: Annotated[
+        int | None, typer.Option("--header-bytes", metavar="N", help="raster: bytes before the first frame (0).")
+    ] = None,
+    frame_header_bytes: Annotated[
+        int | None,
+        typer.Option("--frame-header-bytes", metavar="N", help="raster: bytes before the words of each frame (0)."),
+    ] = None,
+    frame_stride_bytes: Annotated[
+        int | None,
+        typer.Option(
+            "--frame-stride-bytes", metavar="N", help="raster: bytes from one frame to the next (header and words)."
+        ),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write a recording in another format. What the format cannot hold is printed."""
@@ -56,6 +70,15 @@ def export(
         raise RecordingError(f"--lidar-in-target: is for tum and kitti; leave it out of a {wanted.name}")
     if sensor is not None and wanted.name not in _OF_A_SENSOR:
         raise RecordingError(f"--sensor {sensor}: is for csv and parquet; leave it out of a {wanted.name}")
+    lengths = {
+        "header_bytes": header_bytes,
+        "frame_header_bytes": frame_header_bytes,
+        "frame_stride_bytes": frame_stride_bytes,
+    }
+    given = {name: length for name, length in lengths.items() if length is not None}
+    if given and wanted.name not in _OF_A_CAMERA:
+        option = "--" + next(iter(given)).replace("_", "-")
+        raise RecordingError(f"{option}: is for raster; leave it out of a {wanted.name}")
     if to.exists() and to.resolve() == recording.resolve():
         raise RecordingError(f"{to}: is the recording itself; give another name")
     with files.open(recording) as read:
@@ -63,6 +86,7 @@ def export(
         options: dict[str, Any] = {"target": target} if target is not None else {}
         options |= {"sensor": sensor} if sensor is not None else {}
         options |= {"lidar_in_target": True} if lidar_in_target else {}
+        options |= given
         each = chosen if wanted.name in _QUICK else count_frames(chosen, "exporting")
         to = save(to, each, format=wanted.name, overwrite=overwrite, **options)
         echo(_summarise(to, wanted, len(chosen), len(read)))

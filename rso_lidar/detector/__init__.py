@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         false_alarm_probability,
         frame_jitter_s,
         isolate,
+        label_flags,
         list_neglected_effects,
         noise_growth,
         report_probability,
@@ -67,6 +68,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.settings.data_sheet import DataSheet
     from rso_lidar.detector.settings.empirical import Empirical
     from rso_lidar.detector.settings.focal_plane import (
+        AmplitudeCrosstalk,
         Bloom,
         Crosstalk,
         Defects,
@@ -80,6 +82,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.settings.gsfl import Gsfl, list_determined
     from rso_lidar.detector.settings.presets import DETECTOR_PRESETS, SOLVED_CONSTANTS
     from rso_lidar.detector.settings.readout import LowGain, Readout
+    from rso_lidar.detector.settings.report import ReportWords
     from rso_lidar.detector.settings.threshold_condition import ThresholdCondition
     from rso_lidar.detector.settings.traits import DetectorTraits
     from rso_lidar.detector.settings.trigger import Trigger
@@ -97,6 +100,7 @@ __all__ = [
     "SOLVED_CONSTANTS",
     "WAVEFORM_QUANTITIES",
     "Amplifier",
+    "AmplitudeCrosstalk",
     "AnyDetector",
     "Apd",
     "ArrayLoad",
@@ -135,6 +139,7 @@ __all__ = [
     "Pulse",
     "Ranging",
     "Readout",
+    "ReportWords",
     "Saturation",
     "ShotList",
     "Speckle",
@@ -171,6 +176,7 @@ __all__ = [
     "get_constant",
     "isolate",
     "k_of_n",
+    "label_flags",
     "list_assumed_settings",
     "list_camera_figures",
     "list_determined",

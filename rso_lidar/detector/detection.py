@@ -52,7 +52,7 @@ from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.part import Seam
-from rso_lidar.records import Photons, Reading, Taps, Waveforms
+from rso_lidar.records import Labels, Photons, Reading, Taps, Waveforms
 
 DescribedDetector = Annotated[Gsfl | Empirical | GeigerArray, Field(discriminator="type")]
 AnyDetector = Annotated[Gsfl | Empirical | GeigerArray | Detector, Seam(DescribedDetector, Detector)]
@@ -104,6 +104,24 @@ def detect_with_taps(
     threads : number of threads (None: one for each core). The result is the same to the bit
     """
     return build_detector(detector).detect_with_taps(photons, rng, threads)
+
+
+def label_flags(detector: AnyDetector, labels: Labels, photons: Photons, reading: Reading) -> Labels:
+    """Return labels with what is true of the flags of a reading; unchanged for a detector that does not flag its returns.
+
+    Parameters
+    ----------
+    detector : the detector
+    labels : of the flash
+    photons : light on every pixel
+    reading : what the detector made of it
+
+    Returns
+    -------
+    Labels
+        With `crosstalk`, `saturated` and `superimposed`, where the reading has flags.
+    """
+    return build_detector(detector).label_flags(labels, photons, reading)
 
 
 def check_noise(detector: AnyDetector) -> None:

@@ -82,6 +82,13 @@ FORMATS = {
         ),
         Format("mcap", (".mcap",), "formats.mcap:write_mcap", False, _MESSAGES, "mcap"),
         Format("rosbag2", (".rosbag2",), "formats.rosbag2:write_rosbag2", True, _MESSAGES, "mcap"),
+        Format(
+            "raster",
+            (".raw",),
+            "",
+            False,
+            "times, poses, labels, and what the words of the report cannot hold of range and intensity",
+        ),
         Format("tum", (".tum",), "formats.trajectory:write_tum", False, _POSES),
         Format("kitti", (".kitti",), "formats.trajectory:write_kitti", False, f"{_POSES}, without times"),
         Format("csv", (".csv",), "formats.trajectory:write_csv", False, _TABLE),
@@ -149,7 +156,7 @@ def writer_for(word: str | os.PathLike[str]) -> Writer:
     file_format = format_for(word)
     if not file_format.writer:
         raise RecordingError(
-            f"{os.fspath(word)}: {file_format.name} needs time scales and the Earth; "
+            f"{os.fspath(word)}: {file_format.name} needs the recording's scenario; "
             "use rso_lidar.save or `rso-lidar export`"
         )
     module, function = file_format.writer.split(":")

@@ -82,6 +82,16 @@ class Reading(Record):
     return_intensity_counts: np.ndarray | None = array(
         "row col return", "u2", "count", "fitted amplitudes of all returns, 0 beyond the last", optional=True
     )
+    crosstalk: np.ndarray | None = array(
+        "row col", "u1", "1", "1 where the sensor takes its return for the crosstalk of neighbours", optional=True
+    )
+    superimposed: np.ndarray | None = array(
+        "row col",
+        "u1",
+        "1",
+        "1 where the sensor takes its return for overlapping pulses of several depths",
+        optional=True,
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,4 +154,21 @@ class Labels(Record):
     )
     return_photons: np.ndarray | None = array(
         "row col return", "f4", "1", "expected photons of each cluster, 0 beyond the last", optional=True
+    )
+    crosstalk: np.ndarray | None = array(
+        "row col",
+        "u1",
+        "1",
+        "1 where neighbours couple more than half of the light about the reported range",
+        optional=True,
+    )
+    saturated: np.ndarray | None = array(
+        "row col", "u1", "1", "1 where the expected amplitude about the reported range clips", optional=True
+    )
+    superimposed: np.ndarray | None = array(
+        "row col",
+        "u1",
+        "1",
+        "1 where the depths of the light about the reported range lengthen its pulse by more than a fifth",
+        optional=True,
     )

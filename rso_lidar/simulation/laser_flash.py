@@ -73,6 +73,7 @@ def flash(
         reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng, threads)
     else:
         reading, waveforms = detector.detect(photons, lidar.detector, rng, threads)
+    labels = detector.label_flags(lidar.detector, labels, photons, reading)
     records: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "signal": signal, "photons": photons}
     records |= {"taps": taps, "waveforms": waveforms}
     if "oversampled" in keep:

@@ -249,6 +249,12 @@ def test_an_unfinished_recording(call, bench, tmp_path):
         ),
         (["--to", "out.tum", "--frames", "a:b"], "--frames a:b: is not A:B or A:B:STEP"),
         (["--to", "bench.h5", "--overwrite"], "bench.h5: is the recording itself; give another name"),
+        (["--to", "out.raw"], "out.raw: the detector of this recording states no words of its own; add"),
+        (["--to", "out.tum", "--header-bytes", "4"], "--header-bytes: is for raster; leave it out of a tum"),
+        (
+            ["--to", "out.csv", "--frame-stride-bytes", "4"],
+            "--frame-stride-bytes: is for raster; leave it out of a csv",
+        ),
         (["--to", "there.oem"], "there.oem: exists already; give --overwrite"),
         ([], "Missing option '--to'"),
     ],

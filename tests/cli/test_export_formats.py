@@ -14,7 +14,12 @@ from rso_lidar.export.registry import FORMAT_SUFFIXES
 from rso_lidar.shipped import shipped
 from tests.settings_for_tests import limit_pixels
 
-SMALL = ("lidar.detector.type=empirical", "lidar.receiver.n_rows=16", "lidar.receiver.n_cols=16")
+SMALL = (
+    "lidar.detector.type=empirical",
+    "lidar.receiver.n_rows=16",
+    "lidar.receiver.n_cols=16",
+    "lidar.detector.report.range_bits=20",
+)
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +49,9 @@ def test_save_and_export_write_the_same(rso_lidar, flown, recording, tmp_path, s
     if FORMAT_SUFFIXES[suffix].name in ("hdf5", "netcdf", "npz"):
         sizes = [file.stat().st_size for file in (one, two, three)]
         assert max(sizes) < 1.01 * min(sizes)
+        return
+    if FORMAT_SUFFIXES[suffix].name == "raster":
+        assert one.read_bytes() == two.read_bytes() == three.read_bytes()
         return
     texts = [
         [line for line in file.read_text(encoding="utf-8").splitlines() if "CREATION_DATE" not in line]

@@ -55,7 +55,7 @@ def test_writers_are_where_the_table_says(made):
         ("run.mat", "run.mat: '.mat' cannot be written; MATLAB reads .h5 with h5read"),
         (".las", "'.las' cannot be written; use .pcd, which keeps rows and columns"),
         ("", "unknown format"),
-        ("oem", "oem: oem needs time scales and the Earth; use rso_lidar.save"),
+        ("oem", "oem: oem needs the recording's scenario; use rso_lidar.save"),
     ],
 )
 def test_an_unknown_word_is_told_what_is_known(word, message):

@@ -19,10 +19,13 @@ UNITS = {  # how a name ends, and what its description says in brackets
     "m_s2_sqrt_hz": "m/s²/√Hz", "a_per_w": "A/W", "pa_per_sqrt_hz": "pA/√Hz", "w_per_sqrt_hz": "W/√Hz",
     "ug_sqrt_h": "µg/√h", "g": "g", "ppm": "ppm", "mrad": "mrad", "arcsec": "arcsec", "rpm": "rpm", "n_m": "N m",
     "rev_day2": "rev/day²", "rev_day3": "rev/day³", "days": "day", "pixels": "pixels",
-    "per_earth_radius": "1/R⊕", "fraction": None,
+    "per_earth_radius": "1/R⊕", "db": "dB", "fraction": None,
 }  # fmt: skip
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS)
 NO_SUFFIX = {  # name: why it needs none
+    "intensity_bits": "a number of bits",
+    "no_return_word": "a word, in steps of the quantum",
+    "range_bits": "a number of bits",
     "p_value": "a probability",
     "photons": "in the unit that photons_per_unit states",
     "photons_per_unit": "a ratio, to the unit of the column",

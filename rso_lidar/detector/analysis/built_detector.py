@@ -9,7 +9,7 @@ import numpy as np
 from rso_lidar.detector.analysis.array_load import ArrayLoad
 from rso_lidar.detector.analysis.closed_form import Prediction
 from rso_lidar.detector.ranging.pulse import LaserPulse
-from rso_lidar.records import Photons, Reading, Taps, Waveforms
+from rso_lidar.records import Labels, Photons, Reading, Taps, Waveforms
 
 
 class BuiltDetector(Protocol):
@@ -38,6 +38,10 @@ class BuiltDetector(Protocol):
     ) -> tuple[Reading, Waveforms | None, Taps | None]:
         """Detect, and also return the signals between the stages, None where they are not simulated."""
         return *self.detect(photons, rng, threads), None
+
+    def label_flags(self, labels: Labels, photons: Photons, reading: Reading) -> Labels:
+        """Return labels with the true flags of the reported returns, where the detector flags them."""
+        return labels
 
     def check_noise(self) -> None:
         """Refuse a detector whose pixels noise alone would trigger."""

@@ -64,11 +64,13 @@ class BuiltEmpirical(BuiltDetector):
         return _quantise(empirical, report_m, report_photons, photons.shape), None
 
     def describe(self, n_pixels: int) -> list[str]:
-        """Describe the detector in one line."""
+        """Describe the detector in a line, and its words in another."""
         empirical = self.part
+        words = [] if empirical.report is None else [empirical.report.describe()]
         return [
             f"detector    empirical, 95 % at {empirical.reference_photons:g} photons, "
-            f"armed {empirical.armed_from_m:g} to {empirical.armed_to_m:g} m"
+            f"armed {empirical.armed_from_m:g} to {empirical.armed_to_m:g} m",
+            *words,
         ]
 
     def false_alarm_probability(self, range_m: np.ndarray) -> np.ndarray:

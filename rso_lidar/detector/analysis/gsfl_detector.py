@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from rso_lidar.detector.analysis.pixel_reports import report_probability_gsfl
 from rso_lidar.detector.analysis.preset_constants import is_of_preset
 from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import run_chain
+from rso_lidar.detector.chain.report_flags import label_flags
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
@@ -22,7 +24,7 @@ from rso_lidar.detector.settings.presets import SOLVED_CONSTANTS
 from rso_lidar.detector.stages.array_effects import draw_shift_m
 from rso_lidar.detector.stages.pixel_maps import read_pixel_maps
 from rso_lidar.errors import ScenarioError
-from rso_lidar.records import Photons, Reading, Taps, Waveforms
+from rso_lidar.records import Labels, Photons, Reading, Taps, Waveforms
 
 _MOST_FALSE_REPORTS = 0.005  # of all pixels: 80 false triggers in a frame begin to hide a distant target
 _MOST_FALSE_TRIGGERS = 1.0  # by noise while a pixel is armed: most flashes would see nothing else
@@ -37,6 +39,7 @@ _OPTIONAL = (
     "bloom",
     "droop",
     "crosstalk",
+    "amplitude_crosstalk",
     "speckle",
 )  # parts of a focal plane, off by default
 
@@ -56,6 +59,22 @@ class BuiltGsfl(BuiltDetector):
     ) -> tuple[Reading, Waveforms, Taps | None]:
         """Run the chain and keep the signals between the stages."""
         return run_chain(camera_of(self.part, photons), photons, rng, with_taps=True, threads=threads)
+
+    def label_flags(self, labels: Labels, photons: Photons, reading: Reading) -> Labels:
+        """Return labels with the true flags of the reported returns, where they are flagged."""
+        gsfl, camera = self.part, camera_of(self.part, photons)
+        if camera.processor.flagger is None:
+            return labels
+        rail = gsfl.saturation.rail_electrons if gsfl.saturation is not None else math.inf
+        return label_flags(
+            camera.processor.flagger,
+            labels,
+            photons,
+            reading,
+            electrons_per_photon=gsfl.electrons_per_photon,
+            clip_electrons=gsfl.readout.clip_counts * gsfl.readout.electrons_per_count,
+            rail_electrons=rail,
+        )
 
     def check_noise(self) -> None:
         """Refuse a chain whose nominal pixel noise alone would trigger more than once while it is armed."""
@@ -127,6 +146,8 @@ class BuiltGsfl(BuiltDetector):
             parts.append(f"returns: {gsfl.returns} of up to {gsfl.max_returns}")
         if parts:
             lines.append(f"  with      {', '.join(parts)}")
+        if gsfl.report is not None:
+            lines.append(gsfl.report.describe())
         if gsfl.gate is not None:
             gate = gsfl.gate
             return [
@@ -160,6 +181,11 @@ class BuiltGsfl(BuiltDetector):
                 f"the slope of the gain {gsfl.droop.gain_slope_per_v:g} / V belongs to a gain of {slope_gain:g}, not of "
                 f"{gsfl.apd.gain:g}; set lidar.detector.droop.gain_slope_per_v to {gsfl.apd.gain / _SLOPE_SCALE_V:.2g} "
                 f"(gain / {_SLOPE_SCALE_V:g} V), or lidar.detector.apd.gain to {slope_gain:g}"
+            )
+        if gsfl.report is not None and gsfl.report.intensity_to_counts < gsfl.full_scale_counts:
+            lines.append(
+                f"intensities are reported up to {gsfl.report.intensity_to_counts:g} counts and measured up to "
+                f"{gsfl.full_scale_counts}; raise lidar.detector.report.intensity_quantum_counts or intensity_bits"
             )
         if gsfl.gate is not None:
             return lines

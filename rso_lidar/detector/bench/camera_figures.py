@@ -68,7 +68,9 @@ def list_camera_figures(
     """
     match detector:
         case Gsfl():
-            figures = [*_list_gsfl(detector, pulse, wavelength_m), *_list_array(detector, n_pixels)]
+            figures = _list_gsfl(detector, pulse, wavelength_m)
+            threshold = next((figure.value for figure in figures if figure.name == "threshold_photons"), math.nan)
+            figures += [*_list_coupling(detector, threshold), *_list_array(detector, n_pixels)]
         case Empirical():
             figures = _list_empirical(detector)
         case GeigerArray():
@@ -163,6 +165,44 @@ def _list_gsfl(gsfl: Gsfl, pulse: LaserPulse, wavelength_m: float) -> list[Camer
         )
     )
     return [CameraFigure(*figure[:5], formula=figure[5]) for figure in figures]
+
+
+def _list_coupling(gsfl: Gsfl, threshold_photons: float) -> Iterator[CameraFigure]:
+    """Yield the crosstalk in amplitude by distance, and the light in one pixel that triggers the next one in the dark.
+
+    Parameters
+    ----------
+    threshold_photons : of a pixel, at the peak of its pulse; NaN under a gate
+    """
+    coupled = gsfl.amplitude_crosstalk
+    if coupled is None:
+        return
+    over = "amplitude over that of the bright pixel, along " + {"both": "rows and columns"}.get(
+        coupled.along, coupled.along
+    )
+    for distance, level_db in enumerate(coupled.level_db, 1):
+        yield CameraFigure(
+            f"amplitude_crosstalk_{distance}_db",
+            f"crosstalk, {distance} pixel{'s' * (distance > 1)} away",
+            level_db,
+            "dB",
+            _SETTING,
+            formula=over,
+        )
+    if math.isnan(threshold_photons):
+        return
+    share = 10.0 ** (max(coupled.level_db) / 20.0)
+    needed = threshold_photons / share
+    if gsfl.saturation is not None and gsfl.saturation.rail_electrons * share < gsfl.trigger.threshold_electrons:
+        needed = math.inf  # the amplifier clips before
+    yield CameraFigure(
+        "crosstalk_at_threshold_photons",
+        "photons that trigger a neighbour",
+        needed,
+        "photons",
+        _CLOSED_FORM,
+        formula="in one pixel, of which a dark pixel shows its threshold, without noise",
+    )
 
 
 def _list_array(gsfl: Gsfl, n_pixels: int) -> Iterator[CameraFigure]:

@@ -173,7 +173,7 @@ def _predict(
         if isinstance(detector, Gsfl):
             if known is not None:
                 return _predict_by_form(photons, detector, there, known[there.pixel], draws, by_table=by_table)
-            if detector.bloom is None and detector.droop is None and detector.crosstalk is None:
+            if not detector.has_coupled_pixels:
                 return _try_pixels(photons, detector, there, draws)
     return _predict_by_repetition(photons, detector, there, draws, threads)
 

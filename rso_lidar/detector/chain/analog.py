@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rso_lidar.detector.chain.timing import TimeAxis
-from rso_lidar.detector.settings.focal_plane import Droop, Saturation, Speckle
+from rso_lidar.detector.settings.focal_plane import AmplitudeCrosstalk, Droop, Saturation, Speckle
 from rso_lidar.detector.stages.amplification import amplify
 from rso_lidar.detector.stages.array_effects import draw_speckle, limit_amplitude, solve_gain
 from rso_lidar.detector.stages.avalanche import Avalanche, multiply
 from rso_lidar.detector.stages.convolution import convolve_light
 from rso_lidar.detector.stages.light import spread_light
+from rso_lidar.detector.stages.neighbour_coupling import NeighbourCoupling
 from rso_lidar.detector.stages.nonuniformity import CameraPixels
 from rso_lidar.detector.stages.overlap import Overlap, split_rows
 from rso_lidar.detector.stages.row_noise import AMPLIFIER, RowNoise
@@ -35,6 +36,7 @@ class FrontEnd:
     speckle: Speckle | None
     droop: Droop | None
     saturation: Saturation | None
+    amplitude_crosstalk: AmplitudeCrosstalk | None
     has_gain_map: bool  # whether the gain differs from pixel to pixel
     has_timing_channel: bool
 
@@ -78,12 +80,17 @@ class Analog:
     transfer: np.ndarray  # what light is multiplied by, transformed along time, to be the mean of amplitude
     gain: np.ndarray | None = None  # relative to the nominal gain: bias droop, gain of the pixels
     still: Still | None = None  # kept for a timing channel
+    coupling: NeighbourCoupling | None = None  # of the amplitudes, where there is crosstalk
 
     def mean(self, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Return the amplitude (row, step) [electrons] of some rows without noise."""
         from scipy.fft import irfft, rfft
 
-        light = self.light[rows] if self.gain is None else self.light[rows] * self.gain[rows]
+        if self.coupling is None:
+            light = self.light[rows] if self.gain is None else self.light[rows] * self.gain[rows]
+        else:
+            every = self.light if self.gain is None else self.light * self.gain
+            light = self.coupling.add(every, np.arange(len(every))[rows])
         mean: np.ndarray = irfft(rfft(light, axis=1) * self.transfer, self.rows.length, axis=1)
         return mean
 
@@ -156,8 +163,14 @@ def simulate_analog(
         electrons = gain * primaries
     if front.saturation is not None:
         amplitude = limit_amplitude(front.saturation, amplitude, step_s)
+    coupling = None
+    if front.amplitude_crosstalk is not None:
+        coupling = NeighbourCoupling.of(front.amplitude_crosstalk, rows, photons.shape)
+        amplitude = coupling.add(amplitude, np.arange(n_rows), threads)
+        if front.saturation is not None:
+            np.minimum(amplitude, np.float32(front.saturation.rail_electrons), out=amplitude)
     still = Still(quiet, excess, pixel_gain) if front.has_timing_channel and noise is not None else None
-    return Analog(rows, light, primaries, electrons, amplitude, axis.light.amplified, relative, still)
+    return Analog(rows, light, primaries, electrons, amplitude, axis.light.amplified, relative, still, coupling)
 
 
 def solve_drooped_gain(

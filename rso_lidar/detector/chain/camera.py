@@ -12,6 +12,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.chain.analog import FrontEnd
 from rso_lidar.detector.chain.measurement import RangeProcessor
+from rso_lidar.detector.chain.report_flags import Flagger
 from rso_lidar.detector.chain.timing import TimeAxis, build_axis, plan_time
 from rso_lidar.detector.ranging.bipolar_pulse import crossing_lead_s
 from rso_lidar.detector.ranging.gate_threshold import GateThresholds
@@ -91,6 +92,7 @@ def _build(gsfl: Gsfl, pulse: LaserPulse, n_pixels: int, _maps: tuple[str, int, 
             speckle=gsfl.speckle,
             droop=gsfl.droop,
             saturation=gsfl.saturation,
+            amplitude_crosstalk=gsfl.amplitude_crosstalk,
             has_gain_map=gsfl.maps is not None,
             has_timing_channel=gsfl.zero_crossing is not None,
         ),
@@ -144,6 +146,7 @@ def _build_processor(gsfl: Gsfl, pixels: CameraPixels, pulse: Pulse) -> RangePro
         returns=gsfl.returns,
         max_returns=gsfl.max_returns,
         full_scale_counts=gsfl.full_scale_counts,
+        flagger=Flagger(locator, gsfl.amplitude_crosstalk) if gsfl.has_flags else None,
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector.chain.report_flags import Flagger
 from rso_lidar.detector.ranging.gate_threshold import GateThresholds
 from rso_lidar.detector.ranging.location import Locator, locate, locate_all
 from rso_lidar.detector.ranging.range_walk import correct_walk
@@ -42,6 +43,7 @@ class RangeProcessor:
     returns: str
     max_returns: int
     full_scale_counts: int
+    flagger: Flagger | None
 
     def select(self, pixel: np.ndarray) -> RangeProcessor:
         """Return that of some pixels, or of the same ones several times."""
@@ -63,8 +65,7 @@ def measure(
         clipped = waveforms.clipped.copy()
     railed = None
     if processor.rail_counts is not None:
-        held = _is_on_rail(processor.rail_counts, processor.readout, waveforms, pixels.offset_counts)
-        railed = clipped | held
+        railed = clipped | _is_on_rail(processor.rail_counts, processor.readout, waveforms, pixels.offset_counts)
     unknown = processor.unknown_fraction
     if unknown < 1.0:
         samples = samples - ((1.0 - unknown) * pixels.offset_counts[waveforms.pixel, None]).astype(np.float32)
@@ -83,16 +84,20 @@ def measure(
     if processor.crosstalk is not None:
         share = latch_share(waveforms.latch_s, waveforms.latch_s, waveforms.sample_s, n_pixels)
         range_m = range_m + draw_shift_m(processor.crosstalk, share, rng)[:, None]
-    return _report_returns(
+    held = clipped if railed is None else railed
+    reading = _report_returns(
         waveforms.shape,
         waveforms.pixel,
         range_m,
         amplitude / processor.readout.counts_per_intensity,
-        clipped if railed is None else railed,
+        held,
         returns=processor.returns,
         max_returns=processor.max_returns,
         full_scale_counts=processor.full_scale_counts,
     )
+    if processor.flagger is None:
+        return reading
+    return processor.flagger.flag(reading, waveforms, samples, held, range_m, found_s, amplitude)
 
 
 def _draw_normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from rso_lidar.detector.stages.comparator import (
     refine_crossings,
 )
 from rso_lidar.detector.stages.false_triggers import Comparators, draw_false_traces, draw_first_false
+from rso_lidar.detector.stages.neighbour_coupling import gather_light
 from rso_lidar.detector.stages.row_noise import AMPLIFIER, RowNoise
 from rso_lidar.detector.stages.sampling import convert, merge_low_gain, store_samples
 from rso_lidar.detector.stages.time_axis import Rows, place_rows
@@ -52,7 +54,10 @@ def store_traces(
     step_s, per_sample = plan.step_s, plan.steps_per_sample
     dark = _DARK * camera.threshold_photons
     sure = _CERTAIN_DETECTION * (1.0 + 5.0 * comparators.trigger.threshold_spread_fraction) * camera.threshold_photons
-    rows, arming = arm_rows(comparators, place_rows(photons, plan, dark, sure), step_s)
+    seen = photons
+    if camera.front.amplitude_crosstalk is not None:
+        seen, sure = _gather_light(camera, photons, dark), math.inf  # a pixel that has latched still couples
+    rows, arming = arm_rows(comparators, place_rows(seen, plan, dark, sure), step_s)
     axis = camera.axis(rows.length)
     signals = simulate_analog(camera.front, axis, photons, rows, rng, threads)
     base = camera.front.base_rate_per_s(photons)
@@ -200,6 +205,16 @@ def latch_rows(
         amplitude[missed], made.mean(missed), threshold[missed], watched, sigma, bridge, rng
     )
     return crossing
+
+
+def _gather_light(camera: FlashCamera, photons: Photons, least_photons: float) -> Photons:
+    """Return light that marks when pixels have a signal of their own or of their neighbours, to place rows by."""
+    crosstalk, saturation = camera.front.amplitude_crosstalk, camera.front.saturation
+    assert crosstalk is not None
+    most = math.inf
+    if saturation is not None:
+        most = saturation.rail_electrons / (camera.electrons_per_photon * camera.pulse.peak)
+    return gather_light(crosstalk, photons, least_photons, most)
 
 
 def _earliest_s(camera: FlashCamera, photons: Photons) -> float:

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.detector.geiger.counting import false_peak_probability, find_least_counts, threshold_primaries
+from rso_lidar.detector.settings.report import ReportWords, refuse_flags
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Count, NotNegative, Number, Part, Positive
@@ -106,9 +107,14 @@ class GeigerArray(Part):
         default=None,
         description="Least counts of a peak [counts]. Default: those that follow from `false_alarm_probability`.",
     )
+    report: ReportWords | None = Field(
+        default=None,
+        description="Integer words in which the camera reports its pixels. If omitted, the frame has numbers alone.",
+    )
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:
+        refuse_flags(self.report)
         if self.gate_to_m <= self.gate_from_m:
             raise ValueError(f"gate_to_m ({self.gate_to_m:g}) must be beyond gate_from_m ({self.gate_from_m:g})")
         if not 2 <= self.n_bins <= _MOST_BINS:

@@ -49,9 +49,11 @@ class BuiltGeigerArray(BuiltDetector):
         """Describe the array in two lines."""
         array = self.part
         false = float(array.false_peak_probability(np.zeros(1))[0]) * n_pixels
+        words = [] if array.report is None else [array.report.describe()]
         return [
             f"detector    geiger: PDE {array.detection_efficiency:g}, dark {array.dark_count_rate_hz / 1e3:g} kHz, hold-off "
             f"{array.hold_off_ns:g} ns, bins of {array.bin_ns:g} ns, jitter {array.jitter_ns:g} ns",
+            *words,
             f"  gate      {array.gate_from_m:g} to {array.gate_to_m:g} m, "
             f"{array.pulses} pulse{'s' * (array.pulses > 1)} a frame, "
             f"peaks of {array.dark_least_counts} counts in {array.peak_bins * array.bin_ns:g} ns, "

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.detector.settings.presets import FITTED
+from rso_lidar.detector.settings.report import ReportWords, refuse_flags
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.part import NotNegative, Number, Part, Positive, Whole
 
@@ -131,9 +132,14 @@ class Empirical(Part):
         default=2.38,
         description="Interval between samples of the pulse [ns]. Default: assumed, a clock of 420 MHz; low confidence.",
     )
+    report: ReportWords | None = Field(
+        default=None,
+        description="Integer words in which the camera reports its pixels. If omitted, the frame has numbers alone.",
+    )
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:
+        refuse_flags(self.report)
         if self.armed_to_m <= self.armed_from_m:
             raise ValueError(f"armed_to_m ({self.armed_to_m:g}) must be beyond armed_from_m ({self.armed_from_m:g})")
         if self.threshold_photons <= 0:

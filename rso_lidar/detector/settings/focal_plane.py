@@ -216,6 +216,58 @@ class Crosstalk(Part):
     )
 
 
+_FARTHEST = 16  # pixels: a kernel of 33 x 33 for each pixel
+# Level at the distances 1, 2, 3 and 4: the published ends, and a straight line in dB between them.
+_PUBLISHED_DB = {"pixell": (-40.0, -40.0 - 20.0 / 3.0, -40.0 - 40.0 / 3.0, -60.0)}
+
+
+class AmplitudeCrosstalk(Part):
+    """Electronic crosstalk between neighbours in amplitude: each pixel also shows a share of what its neighbours amplify.
+
+    y = x + Σ 10^(L/20) x of the neighbours, x the output of each pixel's own amplifier, with its noise and its rail. L is
+    the level at the neighbour's distance in pixels. Between whole distances, as on a diagonal, L follows a straight line.
+    Beyond the last distance nothing couples. The comparator and the converter see y, which the rail limits too. A timing
+    channel (`zero_crossing`) sees x alone.
+
+    The preset ``pixell`` is the Leddar Pixell (LeddarTech, user guide 54A0049 7.0, sec. 2.2): about 40 dB below the
+    amplitude of the bright pixel just next to it, decreasing gradually to about 60 dB from 4 pixels on. "Gradually" is
+    taken as linear in dB, and 4 as the last distance. The guide states over 16 dB less after its correction. Assumed: that
+    the crosstalk has the shape and the sign of the pulse and no delay, and that it spreads along rows and columns alike.
+    """
+
+    preset: Literal["pixell"] = Field(
+        default="pixell",
+        description=(
+            "Published levels: pixell has -40 dB at the next pixel and -60 dB at the fourth. Default: Leddar Pixell user "
+            "guide 54A0049 7.0, sec. 2.2; levels between are assumed."
+        ),
+    )
+    levels_db: tuple[Annotated[Number, Field(ge=-200.0, lt=0.0)], ...] | None = Field(
+        default=None,
+        description=(
+            "Amplitude over that of the bright pixel, at distances of 1, 2, 3 and more pixels [dB], in place of the "
+            "preset's. If omitted, those of the preset."
+        ),
+    )
+    along: Literal["both", "rows", "columns"] = Field(
+        default="both",
+        description="Which neighbours couple: those of the same row (rows), column (columns), or all. Default: assumed.",
+    )
+
+    @model_validator(mode="after")
+    def _one_choice(self) -> Self:
+        if self.levels_db is not None and "preset" in self.model_fields_set:
+            raise ValueError("preset and levels_db determine the same; leave one out")
+        if not 1 <= len(self.level_db) <= _FARTHEST:
+            raise ValueError(f"levels_db has {len(self.level_db)} levels; give 1 to {_FARTHEST}")
+        return self
+
+    @property
+    def level_db(self) -> tuple[float, ...]:
+        """Level at distances of 1, 2, 3 and more pixels [dB]."""
+        return self.levels_db if self.levels_db is not None else _PUBLISHED_DB[self.preset]
+
+
 class Speckle(Part):
     """Interference of coherent light: the photons of a return follow a gamma law of M = 1 + A Ω / λ² modes.
 

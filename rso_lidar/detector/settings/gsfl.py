@@ -15,10 +15,21 @@ from rso_lidar.detector.settings.algorithm import Ranging
 from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd, noise_rms
 from rso_lidar.detector.settings.data_sheet import DataSheet, fill_amplifier, fill_apd, fill_quantum_efficiency
-from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
+from rso_lidar.detector.settings.focal_plane import (
+    AmplitudeCrosstalk,
+    Bloom,
+    Crosstalk,
+    Defects,
+    Droop,
+    Maps,
+    Saturation,
+    Speckle,
+    Timing,
+)
 from rso_lidar.detector.settings.gate import Gate
 from rso_lidar.detector.settings.presets import DETECTOR_PRESETS, SOLVED_CONSTANTS
 from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector.settings.report import ReportWords
 from rso_lidar.detector.settings.threshold_condition import ThresholdCondition
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.detector.settings.trigger import Trigger
@@ -28,6 +39,7 @@ from rso_lidar.part import Fraction, NotNegative, Part, Positive, Whole
 
 _SPOILT = 30.0  # times the saturation: from there on, the samples that do not clip no longer give the range
 _EDGES = 6.5  # pulses behind the latch that hold both edges of a return up to 1e8 times the saturation
+_BETWEEN_PIXELS = ("bloom", "droop", "crosstalk", "amplitude_crosstalk")  # parts that couple pixels
 # Entries of a data sheet with the part and the key that they determine.
 _DETERMINED: tuple[tuple[str, str | None, str], ...] = (
     ("responsivity_a_per_w", None, "quantum_efficiency"),
@@ -171,8 +183,16 @@ class Gsfl(Part):
     crosstalk: Crosstalk | None = Field(
         default=None, description="Range error of pixels that trigger together. If omitted, there is none."
     )
+    amplitude_crosstalk: AmplitudeCrosstalk | None = Field(
+        default=None,
+        description="Share of the neighbours' amplitude that each pixel shows. If omitted, there is none.",
+    )
     speckle: Speckle | None = Field(
         default=None, description="Interference of coherent light. If omitted, there is none."
+    )
+    report: ReportWords | None = Field(
+        default=None,
+        description="Integer words in which the camera reports its pixels. If omitted, the frame has numbers alone.",
     )
 
     @model_validator(mode="before")
@@ -443,6 +463,16 @@ class Gsfl(Part):
         """Jitter of a whole frame [s, 1 sigma]; each pulse that a gate averages has its own."""
         return self.timing.frame_jitter_ns * units.NS / math.sqrt(self.gate.pulses if self.gate else 1)
 
+    @property
+    def has_flags(self) -> bool:
+        """Whether returns are flagged as crosstalk and as superimposed, with labels of what is true."""
+        return self.report is not None and self.report.flags
+
+    @property
+    def has_coupled_pixels(self) -> bool:
+        """Whether the light of one pixel changes what another one reports."""
+        return any(getattr(self, name) is not None for name in _BETWEEN_PIXELS)
+
     def alone(self, gain: float = 1.0) -> Self:
         """Return this detector without coupling between pixels.
 
@@ -450,12 +480,8 @@ class Gsfl(Part):
         ----------
         gain : gain of the APD over its gain at rest
         """
-        apart: dict[str, Any] = {
-            "bloom": None,
-            "droop": None,
-            "crosstalk": None,
-            "timing": self.timing.replace(frame_jitter_ns=0.0),
-        }
+        apart: dict[str, Any] = dict.fromkeys(_BETWEEN_PIXELS)
+        apart["timing"] = self.timing.replace(frame_jitter_ns=0.0)
         if gain != 1.0:
             apart["apd"] = self.apd.replace(gain=max(self.apd.gain * gain, 1.0))
         return self.replace(**apart)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import orbit
+from rso_lidar.detector import ReportWords
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, suppress_warnings, warn
 from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
 from rso_lidar.export import (
@@ -19,6 +20,7 @@ from rso_lidar.export import (
     format_for,
     peek_source,
     read_truth,
+    write_raster,
     writer_for,
 )
 from rso_lidar.files import check_writable, convert_path
@@ -51,7 +53,9 @@ def save(
     Other Parameters
     ----------------
     options : of that format, such as ``viewpoint="tdrs"`` of pcd, ``target="tdrs"`` of tum, kitti, oem (a body; the
-        follower if left out) and aem (any axes), ``sensor="gyro"`` of csv and parquet (the truth if left out)
+        follower if left out) and aem (any axes), ``sensor="gyro"`` of csv and parquet (the truth if left out),
+        ``frame_stride_bytes=66_960``, ``header_bytes``, ``frame_header_bytes`` and ``report`` (that of the scenario if left
+        out) of raster
 
     Returns
     -------
@@ -72,12 +76,34 @@ def save(
     if wanted.name in _TABLES:
         texts = _utc_formatter(source)
         return writer_for(wanted.name)(place, frames, utc=texts, overwrite=overwrite, **options)
-    if parse_toml(source.scenario, "recording", RecordingError).get("world", {}).get("axes") == "local":
+    scenario = parse_toml(source.scenario, "recording", RecordingError)
+    if wanted.name == "raster":
+        return _write_reports(place, frames, scenario, **options)
+    if scenario.get("world", {}).get("axes") == "local":
         raise RecordingError(f"{place.name}: a local world has no Earth to give positions about; write a .csv")
     if wanted.name == "czml":
         return _write_czml(place, frames, source, **options)
     write = {"oem": _write_oem, "aem": _write_aem}[wanted.name]
     return write(place, frames, source, **options)
+
+
+def _write_reports(
+    place: Path, frames: Iterable[Frame], scenario: dict[str, Any], *, report: ReportWords | None = None, **lengths: Any
+) -> Path:
+    """Write the words in which the camera of a scenario, or another one, reports each frame."""
+    table = scenario.get("lidar", {}).get("detector", {})
+    stated = table.get("report") if isinstance(table, dict) else None
+    used = ReportWords(**stated) if report is None and stated is not None else report
+    if used is None:
+        raise RecordingError(
+            f"{place.name}: the detector of this recording states no words of its own; add [lidar.detector.report] to the "
+            "scenario and run it, or give rso_lidar.save report=rso_lidar.detector.ReportWords()"
+        )
+
+    def encode(frame: Frame) -> np.ndarray:
+        return used.encode(frame.observation.reading)
+
+    return write_raster(place, frames, encode, overwrite=True, **lengths)
 
 
 def _utc_formatter(source: Source) -> Any:

@@ -22,6 +22,7 @@ from rso_lidar.records import ArraySpec, BodyState, Frame, Labels, PtuAngles, Re
 # In the file: in the record.
 READING = {"range": "range_m", "intensity": "intensity_counts", "saturated": "saturated"}
 RETURNS = {"returns/range": "return_range_m", "returns/intensity": "return_intensity_counts"}
+FLAGS = {name: name for name in ("crosstalk", "superimposed")}
 LABELS = {f"labels/{field.name}": field.name for field in dataclasses.fields(Labels) if field.default is not None}
 MORE_LABELS = {f"labels/{name}": name for name in specs(Labels) if f"labels/{name}" not in LABELS}
 _LEAST_COMPRESSED_BYTES = 1024
@@ -174,7 +175,9 @@ def list_optional(frame: Frame) -> dict[str, ArraySpec]:
     An attribute of the file lists them too.
     """
     reading, labels = frame.observation.reading, frame.labels
-    array_specs = {path: specs(Reading)[name] for path, name in RETURNS.items() if getattr(reading, name) is not None}
+    array_specs = {
+        path: specs(Reading)[name] for path, name in (RETURNS | FLAGS).items() if getattr(reading, name) is not None
+    }
     array_specs |= {
         path: specs(Labels)[name] for path, name in MORE_LABELS.items() if getattr(labels, name) is not None
     }
@@ -216,7 +219,7 @@ def collect_values(frame: Frame) -> dict[str, Any]:
     observation, truth = frame.observation, frame.truth
     values: dict[str, Any] = {
         path: value
-        for record, names in ((observation.reading, READING | RETURNS), (frame.labels, LABELS | MORE_LABELS))
+        for record, names in ((observation.reading, READING | RETURNS | FLAGS), (frame.labels, LABELS | MORE_LABELS))
         for path, name in names.items()
         if (value := getattr(record, name)) is not None
     }

@@ -13,7 +13,7 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean
 from rso_lidar.export.layout import intermediates
-from rso_lidar.export.layout.datasets import INERTIAL, LABELS, MORE_LABELS, POINTING, READING, RETURNS
+from rso_lidar.export.layout.datasets import FLAGS, INERTIAL, LABELS, MORE_LABELS, POINTING, READING, RETURNS
 from rso_lidar.export.layout.sensor_samples import COUNT, GROUP, make_samples
 from rso_lidar.export.reader.recording_file import RecordingFile
 from rso_lidar.export.reader.stored_array import StoredArray
@@ -122,6 +122,15 @@ class Recording(RecordingFile, Sequence[Frame]):
         return self._named({path: name.removeprefix("return_") for path, name in RETURNS.items()})
 
     @property
+    def flags(self) -> SimpleNamespace:
+        """Flags that the sensor raises on its returns, where it does: crosstalk and superimposed (time, row, col)."""
+        if not FLAGS.keys() <= self._datasets.keys():
+            raise RecordingError(
+                f"{self.path}: has no flags; run the scenario with [lidar.detector.report] flags = true"
+            )
+        return self._named(FLAGS)
+
+    @property
     def waveforms(self) -> SimpleNamespace:
         """Kept waveforms: samples_counts (time, row, col, sample), start_s, latch_s, sample_s and baseline_counts."""
         return self._kept_arrays("waveforms")
@@ -189,7 +198,7 @@ class Recording(RecordingFile, Sequence[Frame]):
 
     def _frame(self, k: int) -> Frame:
         time_s = float(self._row("time", k))
-        reading = Reading(**self._arrays(READING | RETURNS, k))
+        reading = Reading(**self._arrays(READING | RETURNS | FLAGS, k))
         pointing = self._pointing(k)
         links = {name: self._link(f"truth/{name}", k) for name in self._parents}
         states = {

@@ -43,7 +43,12 @@ _FAINTEST = 0.4  # times the light of 50 % detection, where a curve over light b
 _BRIGHTEST = 2.0  # times that light, up to which levels lie close, and times the saturation, where the curve ends
 _DECADES = 1e3  # of light in the curve of a detector that does not saturate
 _STRONG = 10.0  # times the light of 95 % detection, at which scatter and bias are stated too
-_AFTER_RANGE = ("saturation_photons", "crosstalk_noise_m", "crosstalk_offset_m", "operability_fraction")
+_AFTER_RANGE = (
+    "saturation_photons",
+    "amplitude_crosstalk_",
+    "crosstalk_",
+    "operability_fraction",
+)  # beginnings of names
 _WIDTH = 80  # columns of the table
 
 
@@ -189,7 +194,7 @@ def data_sheet(camera: Lidar | Scenario | str, *, trials: int = 4000) -> CameraD
     full = next((quantity.value for quantity in quantities if quantity.name == "saturation_photons"), math.inf)
     curve = simulate_light_curve(detector, pulse, _choose_levels(half, full, detector.traits.threshold_photons), trials)
     quantities += _list_ranging(lidar, certain, full, trials)
-    quantities.sort(key=lambda quantity: quantity.name in _AFTER_RANGE)
+    quantities.sort(key=lambda quantity: quantity.name.startswith(_AFTER_RANGE))
     if math.isfinite(half) and math.isfinite(full):
         formula = f"20 log10 of saturation over the photons of 50 % detection, {full / half:,.0f} : 1"
         ratio = 20.0 * math.log10(full / half)

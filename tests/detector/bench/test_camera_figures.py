@@ -171,3 +171,31 @@ def test_each_kind_tells_what_it_has():
     assert {"nep_w_per_sqrt_hz", "least_counts", "false_alarms_per_gate_s"} <= set(figures(rl.GeigerArray()))
     gated = figures(Gsfl(gate=rl.detector.Gate(delay_ns=1000.0)), n_pixels=1000)
     assert "threshold_electrons" not in gated and gated["false_alarms_per_frame"].value == pytest.approx(1.0)
+
+
+def test_crosstalk_in_amplitude_is_listed_by_distance_with_the_light_that_triggers_a_neighbour():
+    sheet = figures(Gsfl(amplitude_crosstalk={}))
+    levels = [sheet[f"amplitude_crosstalk_{distance}_db"].value for distance in (1, 2, 3, 4)]
+    assert levels == pytest.approx([-40.0, -46.667, -53.333, -60.0], abs=1e-3)
+    needed = sheet["crosstalk_at_threshold_photons"].value
+    assert needed == pytest.approx(100.0 * sheet["threshold_photons"].value)
+    # Frames of one bright pixel: its neighbour triggers in half of them, or more, as noise has some tries at the peak.
+    laser, gsfl = rl.Laser(), Gsfl(amplitude_crosstalk={}, trigger={"threshold_spread_fraction": 0.0})
+    shares = []
+    for times in (0.6, 1.0, 1.4):
+        light = rl.detector.make_point_returns(
+            (1, 200),
+            laser.pulse,
+            laser.pulse_fwhm_s,
+            np.arange(0, 200, 10),
+            np.full(20, 900.0),
+            np.full(20, times * needed),
+        )
+        seen = np.isfinite(detect(light, gsfl, np.random.default_rng(1))[0].range_m[0])
+        shares.append(float(seen[1::10].mean() + seen[9::10].mean()) / 2.0)
+    assert shares[0] < 0.2 and 0.3 < shares[1] and shares[2] > 0.9
+    clipped = figures(Gsfl(amplitude_crosstalk={}, saturation=Saturation(rail_electrons=600_000.0)))
+    assert clipped["crosstalk_at_threshold_photons"].value == math.inf  # a hundredth of the rail is below the threshold
+    gated = figures(Gsfl(amplitude_crosstalk={}, gate={"delay_ns": 0.0, "width_ns": 500.0}))
+    assert "crosstalk_at_threshold_photons" not in gated and "amplitude_crosstalk_4_db" in gated
+    assert not [name for name in figures(Gsfl()) if "crosstalk" in name]
