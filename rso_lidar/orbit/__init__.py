@@ -24,7 +24,8 @@ reads Sun, Moon and planets from a user's kernel.
 collision of two states with covariance (`UncertainState`).
 
 **Functions.** `screen` finds close approaches to one object and `screen_pairs` those of any two, `find_eclipses` passages
-through the Earth's shadow, `find_access` when one object sees another, `find_bounded_spans` when any condition holds, and `solve_lambert` the orbit between two positions.
+through the Earth's shadow, `find_access` when one object sees another, `find_bounded_spans`
+when any condition of bounded rate holds, and `solve_lambert` the orbit between two positions.
 `propagate_two_body` and `propagate_sgp4` need no scenario.
 """
 

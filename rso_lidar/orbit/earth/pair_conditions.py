@@ -100,7 +100,8 @@ class MotionBounds:
     @property
     def greatest_range_m(self) -> np.ndarray:
         """Greatest distance [m]."""
-        return length(self._low[:, :3]) + self.speed_m_s * self.step_s
+        farthest: np.ndarray = length(self._low[:, :3]) + self.speed_m_s * self.step_s
+        return farthest
 
     @cached_property
     def turning_rad_s(self) -> np.ndarray:
@@ -125,7 +126,8 @@ class MotionBounds:
             for rows in (self._low, self._high)
         ]
         bend = self.speed_m_s * self.turning_rad_s + self.acceleration_m_s2
-        return np.minimum(np.maximum(*at_ends) + 0.5 * bend * self.step_s, self.speed_m_s)
+        rate: np.ndarray = np.minimum(np.maximum(*at_ends) + 0.5 * bend * self.step_s, self.speed_m_s)
+        return rate
 
 
 def _bound_vector(low: np.ndarray, high: np.ndarray, step_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -214,7 +216,8 @@ def sun_height_rad(of_target: bool, part: str = "half") -> Quantity:
 
     def value(pair: PairSamples) -> np.ndarray:
         touched, covered = shadow_margins_rad((pair.target if of_target else pair.observer).position_m, pair.sun_m)
-        return {"touched": touched, "covered": covered, "half": 0.5 * (touched + covered)}[part]
+        height: np.ndarray = {"touched": touched, "covered": covered, "half": 0.5 * (touched + covered)}[part]
+        return height
 
     def rate(bounds: MotionBounds) -> np.ndarray:
         if of_target:
