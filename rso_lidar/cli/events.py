@@ -192,7 +192,8 @@ def _parse_station(text: str) -> GroundStation:
             "least elevation if you like: Graz=47.07,15.49,540,10"
         )
     try:
-        return GroundStation(*numbers, name=name.strip())
+        latitude_deg, longitude_deg, height_m, least_deg = (*numbers, 0.0, 0.0)[:4]
+        return GroundStation(latitude_deg, longitude_deg, height_m, least_deg, name=name.strip())
     except ScenarioError as error:
         raise ScenarioError(f"--station {error}") from None
 

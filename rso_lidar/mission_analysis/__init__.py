@@ -23,14 +23,14 @@ if TYPE_CHECKING:
         CameraDataSheet,
         data_sheet,
     )
-    from rso_lidar.mission_analysis.events.event_scenario import (
+    from rso_lidar.mission_analysis.intervals.event_scenario import (
         event_scenario_text,
     )
-    from rso_lidar.mission_analysis.events.event_table import (
+    from rso_lidar.mission_analysis.intervals.event_table import (
         Event,
         Events,
     )
-    from rso_lidar.mission_analysis.events.interval_search import (
+    from rso_lidar.mission_analysis.intervals.interval_search import (
         events,
     )
     from rso_lidar.mission_analysis.mission_parameters.parameter_list import (

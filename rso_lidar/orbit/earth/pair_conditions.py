@@ -177,29 +177,29 @@ class Quantity:
         return Quantity(lambda pair: limit - self.value(pair), self.rate)
 
 
-RANGE_M = Quantity(lambda pair: pair.range_m, lambda bounds: bounds.range_rate_m_s)
-SPEED_M_S = Quantity(lambda pair: length(pair.rate_m_s), lambda bounds: bounds.acceleration_m_s2)
-SLEW_RAD_S = Quantity(
+RANGE_M: Quantity = Quantity(lambda pair: pair.range_m, lambda bounds: bounds.range_rate_m_s)
+SPEED_M_S: Quantity = Quantity(lambda pair: length(pair.rate_m_s), lambda bounds: bounds.acceleration_m_s2)
+SLEW_RAD_S: Quantity = Quantity(
     lambda pair: pair.keep_apart(length(np.cross(pair.line_m, pair.rate_m_s)) / np.maximum(pair.range_m**2, 1e-6)),
     lambda bounds: 3.0 * bounds.turning_rad_s**2 + _divide(bounds.acceleration_m_s2, bounds.least_range_m),
 )
-SUN_ANGLE_RAD = Quantity(
+SUN_ANGLE_RAD: Quantity = Quantity(
     lambda pair: pair.keep_apart(angle_rad(pair.line_m, pair.sun_m - pair.observer.position_m)),
     lambda bounds: bounds.turning_rad_s + _SUN_RAD_S,
 )
-MOON_ANGLE_RAD = Quantity(
+MOON_ANGLE_RAD: Quantity = Quantity(
     lambda pair: pair.keep_apart(angle_rad(pair.line_m, moon_position_m(pair.epochs) - pair.observer.position_m)),
     lambda bounds: bounds.turning_rad_s + _MOON_RAD_S,
 )
-LIMB_ANGLE_RAD = Quantity(
+LIMB_ANGLE_RAD: Quantity = Quantity(
     lambda pair: pair.keep_apart(earth_limb_angle_rad(pair.line_m, pair.observer.position_m)),
     lambda bounds: bounds.turning_rad_s + _limb_rate_rad_s(bounds.own_turning_rad_s, bounds.own_radius_m),
 )
-PHASE_RAD = Quantity(
+PHASE_RAD: Quantity = Quantity(
     lambda pair: pair.keep_apart(phase_angle_rad(pair.target.position_m, pair.observer.position_m, pair.sun_m)),
     lambda bounds: bounds.turning_rad_s + _SUN_RAD_S,
 )
-LINE_ALTITUDE_M = Quantity(
+LINE_ALTITUDE_M: Quantity = Quantity(
     lambda pair: line_altitude_m(pair.observer.position_m, pair.target.position_m),
     lambda bounds: np.maximum(bounds.own_speed_m_s, bounds.target_speed_m_s),
 )

@@ -12,15 +12,15 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, ScenarioError, quote_value
-from rso_lidar.mission_analysis.events.conditions import LIT_PHASE_RAD, WORDS, EventSearch, Instrument, find_windows
-from rso_lidar.mission_analysis.events.event_table import Event, Events
-from rso_lidar.mission_analysis.events.expression import (
+from rso_lidar.mission_analysis.intervals.conditions import LIT_PHASE_RAD, WORDS, EventSearch, Instrument, find_windows
+from rso_lidar.mission_analysis.intervals.event_table import Event, Events
+from rso_lidar.mission_analysis.intervals.expression import (
     Condition,
     Expression,
     find_in_windows,
     parse_expression,
 )
-from rso_lidar.mission_analysis.events.pointing import FollowerPointing
+from rso_lidar.mission_analysis.intervals.pointing import FollowerPointing
 from rso_lidar.mission_analysis.passes.pass_geometry import reach_m
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight, ViewedPlate
 from rso_lidar.mission_analysis.passes.search import check_days, choose_follower, group_by_object, is_same, warn_of_age
@@ -168,7 +168,7 @@ def events(
         lidar_name=lidar_name or lidar.preset or "as given",
         start_utc=start_utc,
         days=days,
-        searched=len(flown) - (follower is not None),
+        labels=tuple(map(_label_object, flown if follower is None else flown[1:])),
         rejected=(*objects.problems, *flights.gaps),
         light=light,
         stations=tuple(stations),
@@ -195,6 +195,11 @@ def _name_expressions(when: Any, reach: float) -> dict[str, str]:
     if not named:
         raise ScenarioError("when: no expression is given; give one, such as range < 50km")
     return named
+
+
+def _label_object(entry: Any) -> str:
+    """Return the label of a trajectory, or of the object of some element sets."""
+    return str((entry[0] if isinstance(entry, list) else entry).label)
 
 
 def _list_conditions(expression: Expression) -> list[Condition]:

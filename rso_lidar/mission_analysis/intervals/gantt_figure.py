@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _MOST = 40  # lines of one figure
 _LINE_IN = 0.3  # height of a line
 _LEAST = 0.0015  # width of the shortest bar, as a share of the span
-_NAME_LETTERS, _NOTE_LETTERS = 34, 150
+_NAME_LETTERS, _NOTE_LETTERS = 44, 140
 
 
 def gantt_figure(
@@ -45,6 +45,7 @@ def gantt_figure(
     for row, (name, spans) in enumerate(shown.items()):
         bars = [(begin + from_s / 86400.0, max((to_s - from_s) / 86400.0, _LEAST * days)) for from_s, to_s in spans]
         axes.broken_barh(bars, (row - 0.36, 0.72), facecolors=figures.colour_of(colours[name])[0], lw=0)
+    axes.set_axisbelow(True)  # the grid, below the bars
     axes.set_ylim(max(len(shown), 1) - 0.4, -0.6)
     axes.set_yticks(range(len(shown)), [figures.shorten(name, _NAME_LETTERS) for name in shown])
     axes.set_xlim(begin, begin + days)

@@ -8,7 +8,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, make_printable
-from rso_lidar.mission_analysis.events.event_table import Events
+from rso_lidar.mission_analysis.intervals.event_table import Events
 from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M
 from rso_lidar.mission_analysis.passes.pass_geometry import reach_m
 from rso_lidar.mission_analysis.passes.pass_table import Encounters

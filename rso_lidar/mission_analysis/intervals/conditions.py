@@ -10,8 +10,8 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.mission_analysis.budgets.pixel_light import pixel_width_m
-from rso_lidar.mission_analysis.events.expression import Condition
-from rso_lidar.mission_analysis.events.pointing import FollowerPointing
+from rso_lidar.mission_analysis.intervals.expression import Condition
+from rso_lidar.mission_analysis.intervals.pointing import FollowerPointing
 from rso_lidar.mission_analysis.passes.exclusion import keep_out_radius_m, select_rtn_corridors
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
 from rso_lidar.orbit import (

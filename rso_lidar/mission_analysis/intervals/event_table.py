@@ -15,8 +15,8 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import make_printable
 from rso_lidar.files import align_columns, check_writable, format_csv, write_text
-from rso_lidar.mission_analysis.events.calendar_text import CalendarEntry, write_calendar
-from rso_lidar.mission_analysis.events.gantt_figure import gantt_figure
+from rso_lidar.mission_analysis.intervals.calendar_text import CalendarEntry, write_calendar
+from rso_lidar.mission_analysis.intervals.gantt_figure import gantt_figure
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
 from rso_lidar.orbit import ElementSet, GroundStation
 from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, save_figure
@@ -80,7 +80,7 @@ class Events:
     """The events of one follower with other objects, or of any two, in order of time.
 
     `expressions` are those that were searched, by name. `follower` is its element set nearest to the start, or its
-    trajectory; None where all pairs were searched. `rejected` lists objects without states in a part of the span, with the
+    trajectory; None where all pairs were searched. `labels` name the other objects, or all of them. `rejected` lists objects without states in a part of the span, with the
     reason. `SUFFIXES` are those that `save` writes, and `TEXT_HEADS` the heads of columns that align to the left.
     """
 
@@ -94,7 +94,7 @@ class Events:
     lidar_name: str
     start_utc: datetime.datetime
     days: float
-    searched: int
+    labels: tuple[str, ...]
     rejected: tuple[tuple[str, str], ...]
     light: PlateLight
     stations: tuple[GroundStation, ...] = ()
@@ -105,9 +105,21 @@ class Events:
     @property
     def title(self) -> str:
         """One line that describes the search."""
-        among = format_count(self.searched, "object")
-        who = f"any two of {among}" if self.follower is None else f"{self.follower.label} and {among}"
-        return f"events of {who}, {self._start} + {format_count(self.days, 'day')}"
+        return f"events of {self._who}, {self._start} + {format_count(self.days, 'day')}"
+
+    @property
+    def _who(self) -> str:
+        """The objects in a few words, with the names of a single pair."""
+        if len(self.labels) == 2 and self.follower is None:
+            return " and ".join(self.labels)
+        if self.follower is None:
+            return f"any two of {format_count(len(self.labels), 'object')}"
+        others = self.labels[0] if self._is_pair else format_count(len(self.labels), "object")
+        return f"{self.follower.label} and {others}"
+
+    @property
+    def _is_pair(self) -> bool:
+        return len(self.labels) == (2 if self.follower is None else 1)
 
     @property
     def _start(self) -> str:
@@ -118,7 +130,7 @@ class Events:
         heads = ["#", "event", "follower", "object", "begin, UTC", "length, s", "nearest, km", "lit, %", "phase, deg"]
         heads += ["end, UTC", "nearest, UTC", "farthest, km", "speed, m/s", "Sun, deg"]
         left_out = {"event"} if len(self.expressions) == 1 else set()
-        left_out |= set() if self.follower is None else {"follower"}
+        left_out |= {"follower", "object"} if self._is_pair else set() if self.follower is None else {"follower"}
         rows = [self._list_cells(number, row) for number, row in enumerate(self.rows, start=1)]
         kept = [k for k, head in enumerate(heads) if head not in left_out]
         return [heads[k] for k in kept], [[row[k] for k in kept] for row in rows]
@@ -152,7 +164,7 @@ class Events:
         lines.append("lit: share of the event in which sunlight is on the lidar's side; phase: at the least range")
         words = " ".join(self.expressions.values())
         if "found" in words or "pixels" in words:
-            lines.append(f"lidar {self.lidar_name}: {self.light.plate.describe()}")
+            lines.append(f"lidar {self.lidar_name}: {self.light.plate.describe(with_rate=False)}")
             if "found" in words:
                 lines.append(f"found: probability that one flash finds it, by {self.light.finding.describe()}")
         lines += [
@@ -185,7 +197,7 @@ class Events:
         for pair in pairs:
             for number, name in enumerate(names):
                 label = pair[1] if self.follower is not None else f"{pair[0]}, {pair[1]}"
-                label = label if len(names) == 1 else f"{label}: {name}"
+                label = name if self._is_pair else label if len(names) == 1 else f"{label}: {name}"
                 spans = [
                     (row.from_s, row.to_s)
                     for row in self.rows
@@ -193,9 +205,8 @@ class Events:
                 ]
                 lines[label], colours[label] = spans, number
         start = np.datetime64(self.start_utc.astimezone(datetime.UTC).replace(tzinfo=None), "ms")
-        who = "any two objects" if self.follower is None else self.follower.label
         what = "; ".join(f"{name}: {text}" if name != text else text for name, text in self.expressions.items())
-        return gantt_figure(lines, colours, start, self.days * units.DAY_S, f"Events of {who}", what)
+        return gantt_figure(lines, colours, start, self.days * units.DAY_S, f"Events of {self._who}", what)
 
     def save(self, path: str | Path, *, overwrite: bool = False, scheme: Scheme = LIGHT) -> Path:
         """Write the events as CSV, JSON, iCalendar or a picture, by the suffix.
