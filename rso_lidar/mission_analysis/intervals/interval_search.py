@@ -123,7 +123,7 @@ def events(
     if lidar is None:
         lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
     light = PlateLight(lidar, plate or ViewedPlate(), finding or Finding())
-    texts = _name_expressions(when, reach_m(lidar)[1])
+    texts = _name_expressions(when, lidar)
     expressions = {name: parse_expression(text, WORDS) for name, text in texts.items()}
     objects = collect_objects(catalog, trust_code=trust_code, trust_fmu=trust_fmu)
     lead: Any = None
@@ -175,10 +175,10 @@ def events(
     )
 
 
-def _name_expressions(when: Any, reach: float) -> dict[str, str]:
+def _name_expressions(when: Any, lidar: Lidar) -> dict[str, str]:
     """Return the expressions that are asked for, by their names; one without a name is its own."""
     if when is None:
-        when = {"in reach": f"visible and range < {reach:.6g}m"}
+        when = {"in reach": f"visible and range < {reach_m(lidar)[1]:.6g}m"}
     if isinstance(when, Mapping):
         named = {str(name): text for name, text in when.items()}
     else:
