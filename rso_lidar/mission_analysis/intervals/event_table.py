@@ -80,8 +80,9 @@ class Events:
     """The events of one follower with other objects, or of any two, in order of time.
 
     `expressions` are those that were searched, by name. `follower` is its element set nearest to the start, or its
-    trajectory; None where all pairs were searched. `labels` name the other objects, or all of them. `rejected` lists objects without states in a part of the span, with the
-    reason. `SUFFIXES` are those that `save` writes, and `TEXT_HEADS` the heads of columns that align to the left.
+    trajectory; None where all pairs were searched. `labels` name the other objects, or all of them. `rejected` lists objects
+    without states in a part of the span, with the reason. `SUFFIXES` are those that `save` writes, and `TEXT_HEADS` the heads
+    of columns that align to the left.
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".ics", *FIGURE_SUFFIXES)

@@ -6,6 +6,8 @@ takes some. A quantity is compared with a number and its unit.
 
 from __future__ import annotations
 
+import itertools
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -86,22 +88,26 @@ def find_in_windows(expression: Expression, find: FindSpans, windows: Sequence[S
             spans = find_in_windows(part, find, spans)
         return spans
     each = [find_in_windows(part, find, windows) for part in expression.parts]
+    joined = join_spans([span for spans in each for span in spans], 0.0)
     if expression.kind == "not":
-        return _subtract(windows, each[0])
-    return join_spans([span for spans in each for span in spans], 0.0)
+        gaps = itertools.pairwise([-math.inf, *(edge for span in joined for edge in span), math.inf])
+        joined = list(gaps)[::2]
+    both = _intersect(windows, joined)
+    return [span for span in both if span[1] - span[0] > _SLIVER_S] if expression.kind == "not" else both
 
 
-def _subtract(windows: Sequence[Span], spans: Sequence[Span]) -> list[Span]:
-    """Return the parts of windows that spans within them, in order, leave."""
-    left: list[Span] = []
-    ordered, k = list(spans), 0
+def _intersect(windows: Sequence[Span], spans: Sequence[Span]) -> list[Span]:
+    """Return the parts of spans, each list in order, that are in windows; spans are cut where one window follows another."""
+    overlaps: list[Span] = []
+    first = 0
     for begin, end in windows:
-        edge = begin
-        while k < len(ordered) and ordered[k][1] <= end:
-            left.append((edge, ordered[k][0]))
-            edge, k = ordered[k][1], k + 1
-        left.append((edge, end))
-    return [(begin, end) for begin, end in left if end - begin > _SLIVER_S]
+        while first < len(spans) and spans[first][1] <= begin:
+            first += 1
+        k = first
+        while k < len(spans) and spans[k][0] < end:
+            overlaps.append((max(begin, spans[k][0]), min(end, spans[k][1])))
+            k += 1
+    return overlaps
 
 
 def parse_expression(text: str, words: dict[str, str | None]) -> Expression:

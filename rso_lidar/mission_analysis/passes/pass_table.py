@@ -153,7 +153,11 @@ class Encounters:
             f"in reach and usable are those of 1 m2, whatever the object is: a plate of {SMALL_M2:g} m2, as a side of a "
             f"CubeSat, is seen to {small_m:,.0f} m only",
             *([] if self.light is None else self.light.describe()),
-            *([f"found: {_CERTAIN:g} or more in every row, so that it has no column here"] if self._is_always_found else []),
+            *(
+                [f"found: {_CERTAIN:g} or more in every row, so that it has no column here"]
+                if self._is_always_found
+                else []
+            ),
             *self._describe_constraints(),
             *(["the lidar is on the object named first, the follower of the pair"] if self.follower is None else []),
             *self._describe_accuracy(),

@@ -85,7 +85,8 @@ def compare(spans, held, oracle, time_s):
     edges = np.array([edge for span in spans for edge in span])
     wrong = np.flatnonzero(mask != held)
     far = [k for k in wrong if not len(edges) or np.abs(edges - time_s[k]).min() > EDGE_S]
-    inner = edges[(edges > time_s[0] + 1.0) & (edges < time_s[-1] - 1.0)]
+    alone = np.diff(edges, prepend=-np.inf) > EDGE_S, np.diff(edges, append=np.inf) > EDGE_S  # not of a shorter event
+    inner = edges[(edges > time_s[0] + 1.0) & (edges < time_s[-1] - 1.0) & alone[0] & alone[1]] if len(edges) else edges
     moved = 0
     if len(inner):
         before, after = oracle(inner - 0.5 * EDGE_S), oracle(inner + 0.5 * EDGE_S)

@@ -72,12 +72,12 @@ def test_a_flyby_of_a_second_is_found():
     place, speed = here.position_m[0], here.velocity_m_s[0]
     across = np.cross(place, speed)
     across *= np.linalg.norm(speed) / np.linalg.norm(across)
-    passing = rl.State(
+    passing = rl.orbit.State(
         epoch_utc=at_utc,
         position_m=tuple((place * (1.0 + 100.0 / np.linalg.norm(place))).tolist()),
         velocity_m_s=tuple(across.tolist()),
     )
-    names = {"near": "range < 3km", "turning": "slew > 30deg/s", "ahead": "range < 3km and angle(+n) < 20deg"}
+    names = {"near": "range < 3km", "turning": "slew > 30deg/s", "ahead": "range < 3km and angle(+r) < 87deg"}
     table = rl.study.events(
         [NamedTrajectory("b", passing)], NamedTrajectory("a", LOW), names, start_utc=START, days=0.5
     )
