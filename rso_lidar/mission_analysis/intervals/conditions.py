@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.mission_analysis.budgets.pixel_light import pixel_width_m
 from rso_lidar.mission_analysis.intervals.expression import Condition
+from rso_lidar.mission_analysis.intervals.found_table import tabulate_found
 from rso_lidar.mission_analysis.intervals.pointing import FollowerPointing
 from rso_lidar.mission_analysis.passes.exclusion import keep_out_radius_m, select_rtn_corridors
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
@@ -34,9 +36,8 @@ from rso_lidar.orbit import (
     elevation_rad,
     rtn_angle_rad,
     sun_height_rad,
-    sunlit_fraction,
 )
-from rso_lidar.pose import dot, rotate_vectors
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo import rtn_matrix
 from rso_lidar.scenario import Constraints
@@ -69,9 +70,6 @@ WORDS: dict[str, str | None] = {
 _RTN = {"r": (1.0, 0.0, 0.0), "t": (0.0, 1.0, 0.0), "n": (0.0, 0.0, 1.0)}
 _BODY = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _WHO = ("follower", "target")
-# Greatest change of a detection probability over that of the logarithm of the range: from 0 to 1 within 2 % (assumed).
-# Presets go from 5 to 95 % within 15 to 30 %.
-_STEEPEST = 50.0
 LIT_PHASE_RAD = 0.5 * np.pi  # phase up to which sunlight is on the lidar's side
 
 _QUANTITIES: Mapping[str, Quantity] = {
@@ -186,7 +184,11 @@ class EventSearch:
             return self._find_axis_angle(condition.arguments)
         if word == "pixels":
             return _count_pixels_across(light)
-        return _find_probability(light) if word == "found" else None
+        return self._found if word == "found" else None
+
+    @cached_property
+    def _found(self) -> Quantity:
+        return tabulate_found(self._instrument.light)
 
     def _find_axis_angle(self, arguments: Sequence[str]) -> Quantity:
         """Return the angle of the line of sight from an axis that is named: of rtn, of the body, or the boresight."""
@@ -254,20 +256,6 @@ def _count_pixels_across(light: PlateLight) -> Quantity:
         return rate
 
     return Quantity(value, rate)
-
-
-def _find_probability(light: PlateLight) -> Quantity:
-    """Return the probability that one flash finds the plate; its steepness over the range is assumed."""
-
-    def value(pair: PairSamples) -> np.ndarray:
-        closing = dot(pair.line_m, pair.rate_m_s) / np.maximum(pair.range_m, 1e-3)
-        sunlight = np.zeros(len(pair.range_m))
-        if light.has_sunlight:
-            share = sunlit_fraction(pair.target.position_m, pair.sun_m)
-            sunlight = light.count_sunlight(pair.range_m, PHASE_RAD.value(pair), share)
-        return pair.keep_apart(light.find_in_flash(pair.range_m, closing, sunlight))
-
-    return Quantity(value, lambda bounds: _STEEPEST * bounds.turning_rad_s)
 
 
 def _make_constraint(word: str, constraints: Constraints | None) -> Quantity:

@@ -80,9 +80,9 @@ class Events:
     """The events of one follower with other objects, or of any two, in order of time.
 
     `expressions` are those that were searched, by name. `follower` is its element set nearest to the start, or its
-    trajectory; None where all pairs were searched. `labels` name the other objects, or all of them. `rejected` lists objects
-    without states in a part of the span, with the reason. `SUFFIXES` are those that `save` writes, and `TEXT_HEADS` the heads
-    of columns that align to the left.
+    trajectory; None where all pairs were searched. `labels` name the other objects, or all of them. `rejected` lists
+    objects without states in a part of the span, with the reason. `SUFFIXES` are those that `save` writes, and
+    `TEXT_HEADS` the heads of columns that align to the left.
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".ics", *FIGURE_SUFFIXES)
@@ -167,7 +167,8 @@ class Events:
         if "found" in words or "pixels" in words:
             lines.append(f"lidar {self.lidar_name}: {self.light.plate.describe(with_rate=False)}")
             if "found" in words:
-                lines.append(f"found: probability that one flash finds it, by {self.light.finding.describe()}")
+                how = self.light.finding.describe()
+                lines.append(f"found: probability that one flash finds it, by {how}; the mean over the camera's pixels")
         lines += [
             f"station {station.name}: {station.latitude_deg:g}, {station.longitude_deg:g} deg, {station.height_m:g} m, "
             f"contact from {station.least_elevation_deg:g} deg of elevation, without refraction"
