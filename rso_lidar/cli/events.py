@@ -116,9 +116,9 @@ def events(
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """List the intervals in which conditions on two objects hold, over days.
+    """List the intervals in which conditions on two objects hold.
 
-    Conditions are joined by and, or, not and parentheses: range, speed, slew, sun, moon, limb, phase, angle(AXIS),
+    The search covers days. Conditions are joined by and, or, not and parentheses: range, speed, slew, sun, moon, limb, phase, angle(AXIS),
     elevation(STATION), pixels and found are compared with a number and its unit; visible, sunlit, penumbra, umbra, lit,
     contact(STATION), field, beam, regard, keep_out and corridor hold or do not.
     """

@@ -34,6 +34,7 @@ from rso_lidar.orbit import (
     ScheduledFleet,
     Span,
     elevation_rad,
+    find_bounded_spans,
     rtn_angle_rad,
     sun_height_rad,
 )
@@ -141,7 +142,7 @@ class EventSearch:
             at = self.epochs(time_s)
             return PairSamples(at, station.states(at), self.locate(target if who == "target" else follower, time_s))
 
-        return PairCondition(states, wanted).find_spans(windows)
+        return find_bounded_spans(PairCondition(states, wanted), windows)
 
     def make_margin(self, condition: Condition, station: GroundStation | None, who: str) -> Quantity:
         """Make the function that is negative where a condition holds.

@@ -116,7 +116,7 @@ class Events:
         if self.follower is None:
             return f"any two of {format_count(len(self.labels), 'object')}"
         others = self.labels[0] if self._is_pair else format_count(len(self.labels), "object")
-        return f"{self.follower.label} and {others}"
+        return f"{getattr(self.follower, 'name', '') or self.follower.label} and {others}"
 
     @property
     def _is_pair(self) -> bool:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST = 40  # lines of one figure
-_LINE_IN = 0.3  # height of a line
+_LINE_IN = 0.4  # height of a line
 _LEAST = 0.0015  # width of the shortest bar, as a share of the span
 _NAME_LETTERS, _NOTE_LETTERS = 44, 140
 
@@ -38,7 +38,7 @@ def gantt_figure(
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 
     shown = dict(list(lines.items())[:_MOST])
-    figure = figures.new_figure(10.5, 1.9 + _LINE_IN * max(len(shown), 1), title, figures.shorten(note, _NOTE_LETTERS))
+    figure = figures.new_figure(10.5, 2.6 + _LINE_IN * max(len(shown), 1), title, figures.shorten(note, _NOTE_LETTERS))
     axes = figure.subplots()
     begin = float(date2num(start_utc))  # type: ignore[no-untyped-call]
     days = duration_s / 86400.0

@@ -198,8 +198,9 @@ def _name_expressions(when: Any, lidar: Lidar) -> dict[str, str]:
 
 
 def _label_object(entry: Any) -> str:
-    """Return the label of a trajectory, or of the object of some element sets."""
-    return str((entry[0] if isinstance(entry, list) else entry).label)
+    """Return the name of a trajectory, or of the object of some element sets; its label where it has no name."""
+    first = entry[0] if isinstance(entry, list) else entry
+    return str(getattr(first, "name", "") or first.label)
 
 
 def _list_conditions(expression: Expression) -> list[Condition]:

@@ -70,7 +70,16 @@ class ViewedPlate:
         )
 
     def describe(self, *, with_rate: bool = True) -> str:
-        """Describe the plate in a few words, with what is assumed, and how often it is looked at."""
+        """Describe the plate in a few words, with what is assumed.
+
+        Parameters
+        ----------
+        with_rate : whether to state how often it is looked at too
+
+        Returns
+        -------
+        str
+        """
         given = (self.side_m, self.reflectance, self.flash_rate_hz)
         texts = ("a facing square plate of {:g} m side", "reflectance {:g}", "flashes at {:g} Hz")
         return ", ".join(

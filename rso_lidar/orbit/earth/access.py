@@ -25,7 +25,7 @@ from rso_lidar.orbit.earth.pair_conditions import (
     sun_height_rad,
 )
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.event_search import Span, find_minima, join_spans
+from rso_lidar.orbit.sky.event_search import Span, find_bounded_spans, find_minima, join_spans
 from rso_lidar.orbit.trajectory import Trajectory, find_breaks_s
 
 _BEFORE_S = 1e-4  # a window ends this long before a break
@@ -123,7 +123,7 @@ def find_access(
         (begin, end if end == end_s else end - _BEFORE_S) for begin, end in itertools.pairwise(edges)
     ]  # at a break the states are those after it
     for condition in conditions:
-        spans = PairCondition(pair, condition).find_spans(spans)
+        spans = find_bounded_spans(PairCondition(pair, condition), spans)
     spans = join_spans(spans)
     if not spans:
         return []

@@ -16,7 +16,6 @@ from rso_lidar import units
 from rso_lidar.orbit.earth.ground import GroundStation
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.eclipse import shadow_margins_rad
-from rso_lidar.orbit.sky.event_search import Span, find_bounded_spans
 from rso_lidar.orbit.sky.geometry import angle_rad, earth_limb_angle_rad, line_altitude_m, phase_angle_rad
 from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.sky.sun import sun_position_m
@@ -297,12 +296,3 @@ class PairCondition:
         """
         change: np.ndarray = _SLACK * self.condition.rate(MotionBounds(low[:, 1:], high[:, 1:], step_s)) * step_s
         return change
-
-    def find_spans(self, windows: Sequence[Span]) -> list[Span]:
-        """Find the spans within some windows in which the condition holds [s].
-
-        Parameters
-        ----------
-        windows : in order [s]
-        """
-        return find_bounded_spans(self, windows)

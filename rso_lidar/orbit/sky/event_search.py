@@ -87,6 +87,11 @@ def join_spans(spans: Sequence[Span], gap_s: float = 1e-3) -> list[Span]:
     spans : in any order [s]
     gap_s : greatest gap between two that are joined [s]
 
+    Returns
+    -------
+    list of (begin, end)
+        in order
+
     >>> join_spans([(4.0, 5.0), (0.0, 2.0), (2.0, 3.0)])
     [(0.0, 3.0), (4.0, 5.0)]
     """
