@@ -17,6 +17,7 @@ _SCAN_S = 60.0
 _PARTS = 16  # equal parts into which a bracket is divided
 _WITHIN_S = 1e-4
 _AT_ONCE = 100_000  # instants evaluated in one call
+_POSITIVE = 1e300  # stands for what is not finite
 _FINEST_S = 0.1  # intervals are not divided below this
 _SPLIT = 4  # parts of an interval in which the sign may change
 _MOST = 2_000_000  # instants of one search; with them a week is searched every 0.3 s
@@ -157,7 +158,7 @@ def _sample(function: BoundedFunction, time_s: np.ndarray) -> np.ndarray:
 
 def _clean(rows: np.ndarray) -> np.ndarray:
     """Replace values that are not finite by a positive one."""
-    rows[~np.isfinite(rows[:, 0]), 0] = np.finfo(float).max
+    rows[~np.isfinite(rows[:, 0]), 0] = _POSITIVE
     return rows
 
 
