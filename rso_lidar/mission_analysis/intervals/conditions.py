@@ -29,8 +29,8 @@ from rso_lidar.orbit import (
     GroundStation,
     MotionBounds,
     PairCondition,
+    PairQuantity,
     PairSamples,
-    Quantity,
     ScheduledFleet,
     Span,
     elevation_rad,
@@ -73,7 +73,7 @@ _BODY = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _WHO = ("follower", "target")
 LIT_PHASE_RAD = 0.5 * np.pi  # phase up to which sunlight is on the lidar's side
 
-_QUANTITIES: Mapping[str, Quantity] = {
+_QUANTITIES: Mapping[str, PairQuantity] = {
     "range": RANGE_M,
     "speed": SPEED_M_S,
     "slew": SLEW_RAD_S,
@@ -85,7 +85,7 @@ _QUANTITIES: Mapping[str, Quantity] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Instrument:
+class EventContext:
     """What conditions need to know beyond the two orbits.
 
     Parameters
@@ -111,7 +111,7 @@ class EventSearch:
     instrument : lidar, stations and constraints
     """
 
-    def __init__(self, flights: ScheduledFleet, instrument: Instrument) -> None:
+    def __init__(self, flights: ScheduledFleet, instrument: EventContext) -> None:
         self._flights, self._instrument = flights, instrument
 
     def locate(self, number: int, time_s: np.ndarray) -> BodyState:
@@ -144,7 +144,7 @@ class EventSearch:
 
         return find_bounded_spans(PairCondition(states, wanted), windows)
 
-    def make_margin(self, condition: Condition, station: GroundStation | None, who: str) -> Quantity:
+    def make_margin(self, condition: Condition, station: GroundStation | None, who: str) -> PairQuantity:
         """Make the function that is negative where a condition holds.
 
         Parameters
@@ -175,7 +175,7 @@ class EventSearch:
         half = lidar.laser.half_width_tangent
         return pointing.field((half, half), is_round=lidar.laser.footprint in ("circle", "gaussian"))
 
-    def _find_quantity(self, condition: Condition, station: GroundStation | None) -> Quantity | None:
+    def _find_quantity(self, condition: Condition, station: GroundStation | None) -> PairQuantity | None:
         word, light = condition.word, self._instrument.light
         if word in _QUANTITIES:
             return _QUANTITIES[word]
@@ -188,10 +188,10 @@ class EventSearch:
         return self._found if word == "found" else None
 
     @cached_property
-    def _found(self) -> Quantity:
+    def _found(self) -> PairQuantity:
         return tabulate_found(self._instrument.light)
 
-    def _find_axis_angle(self, arguments: Sequence[str]) -> Quantity:
+    def _find_axis_angle(self, arguments: Sequence[str]) -> PairQuantity:
         """Return the angle of the line of sight from an axis that is named: of rtn, of the body, or the boresight."""
         name = arguments[0]
         if name == "boresight":
@@ -243,7 +243,7 @@ class EventSearch:
         return stations[arguments[0]], arguments[1] if len(arguments) > 1 else "follower"
 
 
-def _count_pixels_across(light: PlateLight) -> Quantity:
+def _count_pixels_across(light: PlateLight) -> PairQuantity:
     """Return the pixels that the side of the plate covers, from its range."""
     receiver, side_m = light.lidar.receiver, light.plate.values[0]
 
@@ -256,10 +256,10 @@ def _count_pixels_across(light: PlateLight) -> Quantity:
             rate: np.ndarray = side_m / pixel_width_m(receiver, least) * bounds.range_rate_m_s / least
         return rate
 
-    return Quantity(value, rate)
+    return PairQuantity(value, rate)
 
 
-def _make_constraint(word: str, constraints: Constraints | None) -> Quantity:
+def _make_constraint(word: str, constraints: Constraints | None) -> PairQuantity:
     """Make the margin [m] of the keep-out sphere outside of corridors, or of the corridors: negative inside."""
     radius_m, corridors = keep_out_radius_m(constraints), select_rtn_corridors(constraints)
     if (radius_m is None) if word == "keep_out" else not corridors:
@@ -282,7 +282,7 @@ def _make_constraint(word: str, constraints: Constraints | None) -> Quantity:
         aside = bounds.speed_m_s + bounds.greatest_range_m * bounds.target_turning_rad_s
         return np.pi * bounds.speed_m_s + aside if corridors else bounds.range_rate_m_s
 
-    return Quantity(value, rate)
+    return PairQuantity(value, rate)
 
 
 def find_windows(flights: ScheduledFleet, follower: int, target: int, duration_s: float) -> list[Span]:

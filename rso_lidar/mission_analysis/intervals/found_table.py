@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
-from rso_lidar.orbit import PHASE_RAD, MotionBounds, PairSamples, Quantity, sunlit_fraction
+from rso_lidar.orbit import PHASE_RAD, MotionBounds, PairQuantity, PairSamples, sunlit_fraction
 
 _PIXELS = 256
 _STEPS = 400  # ranges: 1 % apart over a factor of 50
@@ -20,7 +20,7 @@ _FACTOR = 50.0
 _SHARES = np.array([0.0, 0.25, 0.5, 1.0])  # of the sunlight that falls on the plate at phase 0 in full light
 
 
-def tabulate_found(light: PlateLight) -> Quantity:
+def tabulate_found(light: PlateLight) -> PairQuantity:
     """Tabulate the probability that one flash finds the plate, and return it as a quantity of two objects.
 
     Parameters
@@ -51,15 +51,15 @@ def tabulate_found(light: PlateLight) -> Quantity:
     def value(pair: PairSamples) -> np.ndarray:
         at = np.log(np.clip(pair.range_m, ranges[0], ranges[-1]))
         levels = np.array([np.interp(at, place, row) for row in table])
-        found = levels[0]
+        probability = levels[0]
         if len(levels) > 1:
             falls = np.maximum(np.cos(PHASE_RAD.value(pair)), 0.0) * sunlit_fraction(pair.target.position_m, pair.sun_m)
             below = np.clip(np.searchsorted(shares, falls, side="right") - 1, 0, len(shares) - 2)
             each = np.arange(len(at))
             part = (falls - shares[below]) / (shares[below + 1] - shares[below])
-            found = levels[below, each] + part * (levels[below + 1, each] - levels[below, each])
+            probability = levels[below, each] + part * (levels[below + 1, each] - levels[below, each])
         beyond = (pair.range_m < near_m) | (pair.range_m > reach_m)
-        return pair.keep_apart(np.where(beyond, 0.0, found))
+        return pair.keep_apart(np.where(beyond, 0.0, probability))
 
     def rate(bounds: MotionBounds) -> np.ndarray:
         # the probability may jump at the ends of the armed range, and sunlight changes within seconds
@@ -67,7 +67,7 @@ def tabulate_found(light: PlateLight) -> Quantity:
         change: np.ndarray = steepest * bounds.turning_rad_s + (by_light + jumps) / bounds.step_s
         return change
 
-    return Quantity(value, rate)
+    return PairQuantity(value, rate)
 
 
 def _may_cross(bounds: MotionBounds, range_m: float) -> np.ndarray:
@@ -84,6 +84,6 @@ def _average(light: PlateLight, range_m: float, sunlight_per_s: float) -> float:
 def _find_farthest_m(light: PlateLight, near_m: float, far_m: float) -> float:
     """Return the range [m] from which a plate is found in less than one flash of ten thousand, at most `far_m`."""
     steps = np.geomspace(near_m, far_m, 120)
-    found = np.array([_average(light, float(range_m), 0.0) for range_m in steps])
-    seen = np.flatnonzero(found > 1e-4)
+    probability = np.array([_average(light, float(range_m), 0.0) for range_m in steps])
+    seen = np.flatnonzero(probability > 1e-4)
     return float(steps[min(int(seen[-1]) + 1, len(steps) - 1)]) if len(seen) else float(steps[1])

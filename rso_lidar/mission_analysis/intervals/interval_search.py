@@ -12,7 +12,13 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, ScenarioError, quote_value
-from rso_lidar.mission_analysis.intervals.conditions import LIT_PHASE_RAD, WORDS, EventSearch, Instrument, find_windows
+from rso_lidar.mission_analysis.intervals.conditions import (
+    LIT_PHASE_RAD,
+    WORDS,
+    EventContext,
+    EventSearch,
+    find_windows,
+)
 from rso_lidar.mission_analysis.intervals.event_table import Event, Events
 from rso_lidar.mission_analysis.intervals.expression import (
     Condition,
@@ -147,7 +153,7 @@ def events(
     if scenario is not None and body.name == "follower" and _is_pointed(expressions.values()):
         shift_s = (start_utc - scenario.time.start_utc).total_seconds()
         pointing = FollowerPointing(scenario, shift_s + duration_s)
-    instrument = Instrument(light, constraints, _name_stations(stations), pointing)
+    instrument = EventContext(light, constraints, _name_stations(stations), pointing)
     search = EventSearch(flights, instrument)
     for expression in expressions.values():
         for condition in _list_conditions(expression):

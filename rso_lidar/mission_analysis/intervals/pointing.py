@@ -9,7 +9,7 @@ import numpy as np
 
 from rso_lidar import motion
 from rso_lidar.errors import ScenarioError, suppress_warnings
-from rso_lidar.orbit import Epochs, PairSamples, Quantity, angle_rad
+from rso_lidar.orbit import Epochs, PairQuantity, PairSamples, angle_rad
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.scenario import Scenario
 
@@ -59,10 +59,10 @@ class FollowerPointing:
         unit = pair.line_m / np.maximum(pair.range_m, 1e-9)[:, None]
         return rotate_vectors(np.swapaxes(matrix, -1, -2), unit)
 
-    def _make(self, value: Callable[[PairSamples], np.ndarray]) -> Quantity:
-        return Quantity(value, lambda bounds: 2.0 * (bounds.turning_rad_s + self._turning_rad_s))
+    def _make(self, value: Callable[[PairSamples], np.ndarray]) -> PairQuantity:
+        return PairQuantity(value, lambda bounds: 2.0 * (bounds.turning_rad_s + self._turning_rad_s))
 
-    def field(self, tangents: Sequence[float], *, is_round: bool = False) -> Quantity:
+    def field(self, tangents: Sequence[float], *, is_round: bool = False) -> PairQuantity:
         """Return the angle [rad] by which the target is outside a cone or pyramid about the boresight, negative inside.
 
         Parameters
@@ -84,7 +84,7 @@ class FollowerPointing:
 
         return self._make(value)
 
-    def axis_angle_rad(self, axis: Sequence[float]) -> Quantity:
+    def axis_angle_rad(self, axis: Sequence[float]) -> PairQuantity:
         """Return the angle between the line of sight and an axis of the follower's body [rad].
 
         Parameters
@@ -95,12 +95,12 @@ class FollowerPointing:
             lambda pair: pair.keep_apart(angle_rad(self._find_directions(pair, of_lidar=False), np.asarray(axis)))
         )
 
-    def boresight_angle_rad(self) -> Quantity:
+    def boresight_angle_rad(self) -> PairQuantity:
         """Return the angle between the line of sight and the lidar's boresight [rad]."""
         ahead = np.array([0.0, 0.0, 1.0])
         return self._make(lambda pair: pair.keep_apart(angle_rad(self._find_directions(pair, of_lidar=True), ahead)))
 
-    def travel(self) -> Quantity:
+    def travel(self) -> PairQuantity:
         """Return the angle [rad] by which the target is outside the travel of the PTU, negative within: the field of regard.
 
         Raises
@@ -126,4 +126,4 @@ class FollowerPointing:
             beyond = np.maximum(beyond_pan * level, np.maximum(tilt_low - tilt, tilt - tilt_high))
             return pair.keep_apart(np.maximum(beyond, -math.pi))
 
-        return Quantity(value, lambda bounds: 8.0 * (bounds.turning_rad_s + self._turning_rad_s))
+        return PairQuantity(value, lambda bounds: 8.0 * (bounds.turning_rad_s + self._turning_rad_s))

@@ -127,8 +127,8 @@ class Encounters:
     @property
     def _is_always_found(self) -> bool:
         """Whether every row that can be looked at is found with certainty, so that a note says it instead of a column."""
-        found = [row.found_probability for row in self.rows if not math.isnan(row.found_probability)]
-        return bool(found) and min(found) >= _CERTAIN
+        known = [row.found_probability for row in self.rows if not math.isnan(row.found_probability)]
+        return bool(known) and min(known) >= _CERTAIN
 
     @property
     def _excludes(self) -> list[str]:

@@ -19,8 +19,8 @@ from rso_lidar.orbit.earth.pair_conditions import (
     RANGE_M,
     SUN_ANGLE_RAD,
     PairCondition,
+    PairQuantity,
     PairSamples,
-    Quantity,
     elevation_rad,
     sun_height_rad,
 )
@@ -134,16 +134,16 @@ def find_access(
     return [Access(*row) for row in zip(*columns, strict=True)]
 
 
-def _make_clear(observer: Trajectory, grazing_height_m: float) -> Quantity:
+def _make_clear(observer: Trajectory, grazing_height_m: float) -> PairQuantity:
     if not isinstance(observer, GroundStation):
         return LINE_ALTITUDE_M.more_than(grazing_height_m)
     return elevation_rad(observer).more_than(observer.least_elevation_deg * units.DEG)
 
 
-def _make_dark(observer: Trajectory) -> Quantity:
+def _make_dark(observer: Trajectory) -> PairQuantity:
     if not isinstance(observer, GroundStation):
         return sun_height_rad(of_target=False).less_than(0.0)
-    sun = Quantity(
+    sun = PairQuantity(
         lambda pair: observer.elevation_rad(pair.sun_m, pair.epochs),
         lambda bounds: np.full_like(bounds.step_s, EARTH_RAD_S),
     )

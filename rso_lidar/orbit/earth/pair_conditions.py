@@ -145,7 +145,7 @@ def _divide(above: np.ndarray, below: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class PairQuantity:
     """A function of two objects' geometry, and a bound on its rate.
 
     Parameters
@@ -157,54 +157,54 @@ class Quantity:
     value: Callable[[PairSamples], np.ndarray]
     rate: Callable[[MotionBounds], np.ndarray]
 
-    def less_than(self, limit: float) -> Quantity:
+    def less_than(self, limit: float) -> PairQuantity:
         """Return the condition that the quantity is below a limit: negative where it is.
 
         Parameters
         ----------
         limit : in the unit of the quantity
         """
-        return Quantity(lambda pair: self.value(pair) - limit, self.rate)
+        return PairQuantity(lambda pair: self.value(pair) - limit, self.rate)
 
-    def more_than(self, limit: float) -> Quantity:
+    def more_than(self, limit: float) -> PairQuantity:
         """Return the condition that the quantity is above a limit: negative where it is.
 
         Parameters
         ----------
         limit : in the unit of the quantity
         """
-        return Quantity(lambda pair: limit - self.value(pair), self.rate)
+        return PairQuantity(lambda pair: limit - self.value(pair), self.rate)
 
 
-RANGE_M: Quantity = Quantity(lambda pair: pair.range_m, lambda bounds: bounds.range_rate_m_s)
-SPEED_M_S: Quantity = Quantity(lambda pair: length(pair.rate_m_s), lambda bounds: bounds.acceleration_m_s2)
-SLEW_RAD_S: Quantity = Quantity(
+RANGE_M: PairQuantity = PairQuantity(lambda pair: pair.range_m, lambda bounds: bounds.range_rate_m_s)
+SPEED_M_S: PairQuantity = PairQuantity(lambda pair: length(pair.rate_m_s), lambda bounds: bounds.acceleration_m_s2)
+SLEW_RAD_S: PairQuantity = PairQuantity(
     lambda pair: pair.keep_apart(length(np.cross(pair.line_m, pair.rate_m_s)) / np.maximum(pair.range_m**2, 1e-6)),
     lambda bounds: 3.0 * bounds.turning_rad_s**2 + _divide(bounds.acceleration_m_s2, bounds.least_range_m),
 )
-SUN_ANGLE_RAD: Quantity = Quantity(
+SUN_ANGLE_RAD: PairQuantity = PairQuantity(
     lambda pair: pair.keep_apart(angle_rad(pair.line_m, pair.sun_m - pair.observer.position_m)),
     lambda bounds: bounds.turning_rad_s + _SUN_RAD_S,
 )
-MOON_ANGLE_RAD: Quantity = Quantity(
+MOON_ANGLE_RAD: PairQuantity = PairQuantity(
     lambda pair: pair.keep_apart(angle_rad(pair.line_m, moon_position_m(pair.epochs) - pair.observer.position_m)),
     lambda bounds: bounds.turning_rad_s + _MOON_RAD_S,
 )
-LIMB_ANGLE_RAD: Quantity = Quantity(
+LIMB_ANGLE_RAD: PairQuantity = PairQuantity(
     lambda pair: pair.keep_apart(earth_limb_angle_rad(pair.line_m, pair.observer.position_m)),
     lambda bounds: bounds.turning_rad_s + _limb_rate_rad_s(bounds.own_turning_rad_s, bounds.own_radius_m),
 )
-PHASE_RAD: Quantity = Quantity(
+PHASE_RAD: PairQuantity = PairQuantity(
     lambda pair: pair.keep_apart(phase_angle_rad(pair.target.position_m, pair.observer.position_m, pair.sun_m)),
     lambda bounds: bounds.turning_rad_s + _SUN_RAD_S,
 )
-LINE_ALTITUDE_M: Quantity = Quantity(
+LINE_ALTITUDE_M: PairQuantity = PairQuantity(
     lambda pair: line_altitude_m(pair.observer.position_m, pair.target.position_m),
     lambda bounds: np.maximum(bounds.own_speed_m_s, bounds.target_speed_m_s),
 )
 
 
-def sun_height_rad(of_target: bool, part: str = "half") -> Quantity:
+def sun_height_rad(of_target: bool, part: str = "half") -> PairQuantity:
     """Return how far the Sun is clear of the Earth's limb, seen from one of two objects [rad].
 
     Parameters
@@ -223,7 +223,7 @@ def sun_height_rad(of_target: bool, part: str = "half") -> Quantity:
             return _limb_rate_rad_s(bounds.target_turning_rad_s, bounds.target_radius_m) + _SUN_RAD_S
         return _limb_rate_rad_s(bounds.own_turning_rad_s, bounds.own_radius_m) + _SUN_RAD_S
 
-    return Quantity(value, rate)
+    return PairQuantity(value, rate)
 
 
 def _limb_rate_rad_s(turning_rad_s: np.ndarray, radius_m: np.ndarray) -> np.ndarray:
@@ -232,20 +232,20 @@ def _limb_rate_rad_s(turning_rad_s: np.ndarray, radius_m: np.ndarray) -> np.ndar
     return turning_rad_s * (1.0 + _divide(np.full_like(radius_m, units.EARTH_RADIUS_M), horizon_m))
 
 
-def elevation_rad(station: GroundStation) -> Quantity:
+def elevation_rad(station: GroundStation) -> PairQuantity:
     """Return the elevation of the target [rad], where the observer is a station on the ground.
 
     Parameters
     ----------
     station : the observer
     """
-    return Quantity(
+    return PairQuantity(
         lambda pair: station.elevation_rad(pair.target.position_m, pair.epochs),
         lambda bounds: bounds.turning_rad_s + EARTH_RAD_S,
     )
 
 
-def rtn_angle_rad(axis: Sequence[float]) -> Quantity:
+def rtn_angle_rad(axis: Sequence[float]) -> PairQuantity:
     """Return the angle between the line of sight and an axis that is fixed in the observer's rtn axes [rad].
 
     Parameters
@@ -258,7 +258,7 @@ def rtn_angle_rad(axis: Sequence[float]) -> Quantity:
         toward = rotate_vectors(inertial_from_rtn, np.broadcast_to(np.asarray(axis, dtype=float), pair.line_m.shape))
         return pair.keep_apart(angle_rad(pair.line_m, toward))
 
-    return Quantity(value, lambda bounds: bounds.turning_rad_s + bounds.own_turning_rad_s)
+    return PairQuantity(value, lambda bounds: bounds.turning_rad_s + bounds.own_turning_rad_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +272,7 @@ class PairCondition:
     """
 
     states: Callable[[np.ndarray], PairSamples]
-    condition: Quantity
+    condition: PairQuantity
 
     def sample(self, time_s: np.ndarray) -> np.ndarray:
         """Return rows (time, 13) at instants [s]: the condition, and the states that bound its rate.
