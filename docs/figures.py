@@ -46,6 +46,7 @@ from rso_lidar.rpo import clohessy_wiltshire
 from rso_lidar.sampling import cast_pixels
 from rso_lidar.scenario import build_whole_surface
 from rso_lidar.scene import render_portrait
+from rso_lidar.shipped import shipped
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
 STILL = rl.detector.Timing(pixel_jitter_ns=0.0)
@@ -941,6 +942,19 @@ def my_camera() -> Any:
     return replace(rl.study.data_sheet(scenario), camera="a camera of 64 x 64 pixels at 850 nm").figure()
 
 
+def events() -> Any:
+    """The day of docs/events.md: two craft in formation, near, lit, looked at, and over a station."""
+    graz = rl.orbit.GroundStation(47.07, 15.49, 540.0, least_elevation_deg=10.0, name="Graz")
+    when = {
+        "near": "range < 5km",
+        "lit": "lit and visible",
+        "look": "range < 5km and lit and sun > 30deg",
+        "contact": "contact(Graz)",
+    }
+    begin = datetime.datetime(2024, 9, 17, tzinfo=datetime.UTC)
+    return rl.study.events(shipped("tle/flyby.tle"), 99003, when, start_utc=begin, days=1.0, stations=[graz]).figure()
+
+
 def link_budget() -> Any:
     """The link budget of the first example for three materials, facing and tilted (closed form)."""
     scenario = rl.Scenario.load(FOLDER.parents[1] / "examples" / "tdrs_approach.toml")
@@ -1753,6 +1767,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "relative_models": relative_models,
     "link_budget": link_budget,
     "my_camera": my_camera,
+    "events": events,
     "dispersion": dispersion,
     "finding": finding,
     "models": models,

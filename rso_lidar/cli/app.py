@@ -28,6 +28,7 @@ COMMANDS = {
     "requirements": "Verify requirements on a scenario, a study or a recording.",
     "catalog": "List the objects of a catalogue, or write a selection of them.",
     "encounters": "List the close approaches of one object to others, or of any two.",
+    "events": "List the intervals in which conditions on two objects hold.",
     "conjunction": "Compute the probability of collision of a conjunction message.",
     "run": "Simulate a scenario and record its frames with truth and labels.",
     "serve": "Serve a simulation to flight software in another process.",

@@ -1,6 +1,6 @@
 """`rso-lidar encounters`: close approaches of one object to others, or of any two."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +18,7 @@ from rso_lidar.cli.arguments import (
     parse_instant,
     parse_length_m,
 )
-from rso_lidar.cli.console import make_console
+from rso_lidar.cli.table import PrintedTable
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_text
@@ -38,7 +38,6 @@ _ARGUMENTS = (
     "reflectance",
     "flash_rate",
 )  # which are options too
-_GAP = 2  # spaces between columns of a terminal
 _NAMING = 5  # columns that identify an encounter and its range
 # Columns in order of importance, for terminals that are too narrow for all of them.
 _TELLING = (
@@ -195,7 +194,7 @@ def encounters(
             trust_code=trust_code,
             trust_fmu=trust_fmu,
         )
-    _print_table(table)
+    print_encounters(table)
     if csv is not None:
         echo(f"{table.csv(csv, overwrite=overwrite)}")
     if plot is not None and not all(row.docked for row in table.rows):
@@ -209,52 +208,12 @@ def encounters(
         echo("no scenario written")
 
 
-def _print_table(table: Encounters) -> None:
-    """Print the table: the columns that fit a terminal, or all of them to a file or pipe."""
-    from rich.table import Table
-
-    console = make_console()
-    if not console.is_terminal or not table.rows:
-        echo(table.table())
-        return
+def print_encounters(table: Encounters) -> None:
+    """Print the table of encounters in the columns that fit."""
     heads, rows = table.cells()
-    fit = choose_columns(heads, rows, console.width)
-    shown = Table(box=None, header_style="bold", padding=(0, _GAP, 0, 0), pad_edge=False)
-    for k in fit:
-        left = heads[k] in table.TEXT_HEADS
-        shown.add_column(heads[k], justify="left" if left else "right", no_wrap=True, overflow="ellipsis")
-    for row in rows:
-        shown.add_row(*(row[k] for k in fit))
-    console.print(table.title, style="bold")
-    console.print(shown)
-    hidden = [head for k, head in enumerate(heads) if k not in fit]
-    if hidden:
-        console.print(f"too wide for this terminal: {'; '.join(hidden)}; write all columns with -o NAME.csv")
-    for line in table.notes():
-        console.print(line)
-
-
-def choose_columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[int]:
-    """Choose the columns that fit a terminal, the most informative ones first.
-
-    Parameters
-    ----------
-    width : columns of characters
-
-    Returns
-    -------
-    list of int
-        Indices of the chosen columns, in order; those that identify an encounter are always included.
-    """
-    needs = [max(map(len, column)) + _GAP for column in zip(heads, *rows, strict=True)]
-    left = width + _GAP
-    chosen = []
-    for name in sorted(heads, key=lambda head: _TELLING.index(head) if head in _TELLING else len(_TELLING)):
-        k = heads.index(name)
-        if name in _TELLING[:_NAMING] or needs[k] <= left:
-            chosen.append(k)
-            left -= needs[k]
-    return sorted(chosen)
+    PrintedTable(
+        table.title, heads, rows, table.TEXT_HEADS, _TELLING, _NAMING, table.notes(), "no encounter found"
+    ).print()
 
 
 def _load_camera(text: str) -> tuple[Lidar, Constraints | None, Finding | None, float | None]:

@@ -23,6 +23,16 @@ if TYPE_CHECKING:
         CameraDataSheet,
         data_sheet,
     )
+    from rso_lidar.mission_analysis.intervals.event_scenario import (
+        event_scenario_text,
+    )
+    from rso_lidar.mission_analysis.intervals.event_table import (
+        Event,
+        Events,
+    )
+    from rso_lidar.mission_analysis.intervals.interval_search import (
+        events,
+    )
     from rso_lidar.mission_analysis.mission_parameters.parameter_list import (
         MissionParameter,
         split_unit,
@@ -67,6 +77,9 @@ if TYPE_CHECKING:
     from rso_lidar.mission_analysis.passes.search import (
         encounters,
     )
+    from rso_lidar.mission_analysis.passes.search_objects import (
+        BodyTrajectory,
+    )
     from rso_lidar.mission_analysis.passes.set_errors import (
         SetErrors,
         estimate_set_errors,
@@ -103,12 +116,15 @@ else:
 __all__ = [
     "SYSML_MISSION",
     "TRUTH_FIGURES",
+    "BodyTrajectory",
     "Budget",
     "BudgetCurve",
     "CameraDataSheet",
     "ConjunctionAssessment",
     "Encounter",
     "Encounters",
+    "Event",
+    "Events",
     "FoundRange",
     "MissionParameter",
     "ModelCard",
@@ -127,6 +143,8 @@ __all__ = [
     "draw_trajectory",
     "encounters",
     "estimate_set_errors",
+    "event_scenario_text",
+    "events",
     "find_navigation_lidar",
     "find_range",
     "find_velocity_jumps_s",

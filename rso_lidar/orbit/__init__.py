@@ -24,7 +24,8 @@ reads Sun, Moon and planets from a user's kernel.
 the probability of collision of two states with covariance (`UncertainState`).
 
 **Functions.** `screen` finds close approaches to one object and `screen_pairs` those of any two, `find_eclipses` passages
-through the Earth's shadow, `find_access` when one object sees another, and `solve_lambert` the orbit between two positions.
+through the Earth's shadow, `find_access` when one object sees another, `find_bounded_spans`
+when any condition of bounded rate holds, and `solve_lambert` the orbit between two positions.
 `propagate_two_body` and `propagate_sgp4` need no scenario.
 """
 
@@ -53,6 +54,23 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
     from rso_lidar.orbit.earth.ellipsoid import Geodetic, geodetic_from_itrs, itrs_from_geodetic
     from rso_lidar.orbit.earth.ground import GroundStation, LookAngles, find_ground_track
+    from rso_lidar.orbit.earth.pair_conditions import (
+        LIMB_ANGLE_RAD,
+        LINE_ALTITUDE_M,
+        MOON_ANGLE_RAD,
+        PHASE_RAD,
+        RANGE_M,
+        SLEW_RAD_S,
+        SPEED_M_S,
+        SUN_ANGLE_RAD,
+        MotionBounds,
+        PairCondition,
+        PairQuantity,
+        PairSamples,
+        elevation_rad,
+        rtn_angle_rad,
+        sun_height_rad,
+    )
     from rso_lidar.orbit.epochs import Epochs, format_utc
     from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
     from rso_lidar.orbit.propagation.integrator import OdeSolution
@@ -77,6 +95,7 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.screening.all_pairs import PairScreening, screen_pairs
     from rso_lidar.orbit.screening.close_approach import CloseApproach
     from rso_lidar.orbit.screening.conjunctions import ScreeningResult, screen
+    from rso_lidar.orbit.screening.scheduled_fleet import ScheduledFleet
     from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory
     from rso_lidar.orbit.sets.catalog import Catalog
     from rso_lidar.orbit.sets.element_set import ElementSet
@@ -87,7 +106,15 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
     from rso_lidar.orbit.sets.teme import STALE_DAYS, gcrs_from_teme, propagate_sgp4
     from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses, shadow_margins_rad, sunlit_fraction
-    from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
+    from rso_lidar.orbit.sky.event_search import (
+        BoundedFunction,
+        Span,
+        find_bounded_spans,
+        find_minima,
+        find_minimum,
+        find_spans_below,
+        join_spans,
+    )
     from rso_lidar.orbit.sky.geometry import (
         angle_rad,
         beta_angle_rad,
@@ -117,8 +144,17 @@ else:
 __all__ = [
     "EARTH",
     "J2",
+    "LIMB_ANGLE_RAD",
+    "LINE_ALTITUDE_M",
+    "MOON_ANGLE_RAD",
+    "PHASE_RAD",
+    "RANGE_M",
+    "SLEW_RAD_S",
+    "SPEED_M_S",
     "STALE_DAYS",
+    "SUN_ANGLE_RAD",
     "Access",
+    "BoundedFunction",
     "Branch",
     "Burn",
     "Catalog",
@@ -147,16 +183,22 @@ __all__ = [
     "LunarKepler",
     "LunarState",
     "Maneuver",
+    "MotionBounds",
     "NamedTrajectory",
     "Numerical",
     "OdeSolution",
     "Omm",
     "OsculatingElements",
+    "PairCondition",
+    "PairQuantity",
+    "PairSamples",
     "PairScreening",
     "RadiationPressure",
     "SampledProbability",
+    "ScheduledFleet",
     "ScreeningResult",
     "SetSequence",
+    "Span",
     "State",
     "Tle",
     "Trajectory",
@@ -174,13 +216,16 @@ __all__ = [
     "earth_limb_angle_rad",
     "eccentric_from_mean",
     "elements_from_state",
+    "elevation_rad",
     "equator_axes",
     "find_access",
+    "find_bounded_spans",
     "find_breaks_s",
     "find_center",
     "find_center_states",
     "find_eclipses",
     "find_ground_track",
+    "find_minima",
     "find_minimum",
     "find_spans_below",
     "format_utc",
@@ -192,6 +237,7 @@ __all__ = [
     "integrate_orbit",
     "itrs_from_gcrs",
     "itrs_from_geodetic",
+    "join_spans",
     "line_altitude_m",
     "list_ephemeris_objects",
     "locate_epochs",
@@ -211,6 +257,7 @@ __all__ = [
     "read_opm",
     "read_table_text",
     "rotate_to_inertial",
+    "rtn_angle_rad",
     "rtn_axes",
     "rtn_from_lvlh_ccsds",
     "rtn_matrix",
@@ -226,6 +273,7 @@ __all__ = [
     "state_from_quasi_nonsingular",
     "state_rates",
     "subtract_center",
+    "sun_height_rad",
     "sun_position_m",
     "sunlit_fraction",
     "true_from_mean",

@@ -52,7 +52,7 @@ def check_trajectory(trajectory: Any, name: str) -> None:
     if isinstance(chief, str):
         raise ScenarioError(
             f"{name}: {kind} is relative to '{chief}' and has no states alone; give "
-            "types.SimpleNamespace(states=lambda at: rl.truth(scenario, at).states['follower'])"
+            "rl.study.BodyTrajectory(scenario, 'follower')"
         )
     raise ScenarioError(
         f"{name}: {kind} has no method states; give a motion about the Earth such as Tle or Kepler, an Ephemeris, or "

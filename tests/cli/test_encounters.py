@@ -8,6 +8,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.cli import encounters as command
+from rso_lidar.cli import table
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.shipped import shipped
 from tests.orbit.sets.sets_for_tests import with_checksum
@@ -170,7 +171,7 @@ def terminal(monkeypatch):
 
     def make(width):
         console = plain(force_terminal=True, width=width, color_system=None, markup=False, emoji=False)
-        monkeypatch.setattr(command, "make_console", lambda: console)
+        monkeypatch.setattr(table, "make_console", lambda: console)
 
     return make
 
@@ -178,7 +179,7 @@ def terminal(monkeypatch):
 @pytest.mark.parametrize("width", [40, 60, 80, 100, 120, 160, 250])
 def test_a_terminal_shows_what_fits_and_names_the_rest(named, terminal, capsys, width):
     terminal(width)
-    command._print_table(named)
+    command.print_encounters(named)
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= width
     if width < 60:  # even what names an encounter is cut short
@@ -201,15 +202,20 @@ def test_a_terminal_shows_what_fits_and_names_the_rest(named, terminal, capsys, 
 
 def test_a_terminal_shows_names_as_they_are(named, terminal, capsys):
     terminal(250)
-    command._print_table(named)
+    command.print_encounters(named)
     out = capsys.readouterr().out
     assert all(name in out for name in ("[/x] :smile:", "[bold]y"))
 
 
-def test_a_pipe_gets_all_columns(named, capsys):
-    command._print_table(named)
-    out = capsys.readouterr().out
-    assert out.rstrip("\n") == named.table()
+def test_a_pipe_gets_a_table_of_80_columns_and_the_names_of_the_rest(named, capsys):
+    command.print_encounters(named)
+    lines = capsys.readouterr().out.splitlines()
+    heads, rows = named.cells()
+    (hidden,) = [line for line in lines if line.startswith("not in 80 columns: ")]
+    listed = hidden.partition(": ")[2].partition("; write all")[0].split("; ")
+    assert max(map(len, lines[1 : 2 + len(rows)])) <= 80
+    assert [head for head in heads if head in lines[1]] == [head for head in heads if head not in listed]
+    assert lines[lines.index(hidden) + 1 :] == named.notes()
 
 
 @pytest.mark.slow

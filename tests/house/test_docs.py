@@ -216,6 +216,7 @@ def test_every_picture_is_shown_and_every_figure_drawn():
             "pictures.md",
             "dispersion.md",
             "camera_fit.md",
+            "events.md",
         )
     )
     assert {name for name in figures if f"](pictures/{name}.png)" in told} == figures

@@ -1,7 +1,5 @@
 """What answers `states`, and what the functions of trajectories say of what does not."""
 
-import types
-
 import numpy as np
 import pytest
 
@@ -19,6 +17,7 @@ from rso_lidar.orbit import (
     screen_pairs,
 )
 from rso_lidar.rpo import Hill
+from rso_lidar.shipped import shipped
 from tests.orbit.earth.earth_for_tests import LOW, START
 from tests.orbit.sets.sets_for_tests import TERRASAR
 
@@ -44,20 +43,21 @@ def test_a_relative_motion_is_refused_with_the_way_through(name):
         ASK[name](HILL)
     assert str(caught.value) == (
         f"{name.strip()}: Hill is relative to 'chief' and has no states alone; give "
-        "types.SimpleNamespace(states=lambda at: rl.truth(scenario, at).states['follower'])"
+        "rl.study.BodyTrajectory(scenario, 'follower')"
     )
 
 
 def test_the_way_through_gives_the_states_of_the_follower():
-    scenario = [
-        rl.motion.Body(name="chief", motion=LOW, attitude=rl.LookAt(at="follower")),
-        rl.motion.Body(name="follower", motion=HILL, attitude=rl.LookAt(at="chief")),
-    ]
-    follower = types.SimpleNamespace(states=lambda at: rl.truth(scenario, at).states["follower"])
-    (span,) = find_access(follower, LOW, SPAN)
-    assert (span.from_s, span.to_s) == (-np.inf, np.inf)
-    assert 2900.0 < span.closest_m <= 3000.0 + 1e-6
-    assert find_ground_track(follower, SPAN).latitude_rad.shape == (2,)
+    scenario = rl.Scenario.load(shipped("examples/tdrs_approach.toml"))
+    follower, target = (rl.study.BodyTrajectory(scenario, name) for name in ("follower", "tdrs"))
+    span = Epochs(scenario.time.start_utc, np.array([0.0, 2700.0]))
+    (seen,) = find_access(follower, target, span)
+    assert (seen.from_s, seen.to_s) == (-np.inf, np.inf)
+    assert 250.0 < seen.closest_m < 350.0  # it ends at 300 m
+    here, there = (find_ground_track(body, span) for body in (follower, target))
+    assert np.abs(here.latitude_rad - there.latitude_rad).max() < 3000.0 / 6.3e6
+    station = GroundStation(0.0, np.degrees(float(there.longitude_rad[0])))
+    assert find_access(station, follower, span)[0].from_s == -np.inf  # above it in GEO
 
 
 def test_an_element_set_alone_is_no_trajectory():

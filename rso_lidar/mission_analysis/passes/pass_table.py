@@ -28,6 +28,9 @@ NOTE = (
 )
 
 
+_CERTAIN = 0.995  # probability from which two decimals show 1
+
+
 @dataclass(frozen=True, eq=False)
 class Encounters:
     """The encounters of one follower, or of any two objects, sorted.
@@ -88,7 +91,7 @@ class Encounters:
             "inside, s",
         ]
         heads += ["lidar, s", "slew, deg/s", *(["clear, s"] if self._excludes else []), "usable, s"]
-        heads += ["photons", "pixels", "found"]
+        heads += ["photons", "pixels", *([] if self._is_always_found else ["found"])]
         heads += ["phase, deg", "Moon, deg", "limb, deg", "light", "age, d"]
         heads += ["breaks"] if self.constraints is not None else []
         return heads, [self._shown(number, row) for number, row in enumerate(self.rows, start=1)]
@@ -112,14 +115,20 @@ class Encounters:
             _format_seconds(row.usable_s),
             _format_three(row.photons),
             _format_three(row.target_pixels),
-            "-" if math.isnan(row.found_probability) else f"{row.found_probability:.2f}",
+            *([] if self._is_always_found else [_format_probability(row.found_probability)]),
             _format_degrees(row.phase_deg),
             _format_degrees(row.moon_angle_deg),
             _format_degrees(row.earth_limb_deg),
             light,
-            "-" if math.isnan(row.age_days) else f"{row.age_days:.1f}",
+            "-" if math.isnan(row.age_days) else f"{round(row.age_days, 1) + 0.0:.1f}",  # no -0.0
             *([", ".join(row.breaks) or "-"] if self.constraints is not None else []),
         ]
+
+    @property
+    def _is_always_found(self) -> bool:
+        """Whether every row that can be looked at is found with certainty, so that a note says it instead of a column."""
+        known = [row.found_probability for row in self.rows if not math.isnan(row.found_probability)]
+        return bool(known) and min(known) >= _CERTAIN
 
     @property
     def _excludes(self) -> list[str]:
@@ -144,6 +153,11 @@ class Encounters:
             f"in reach and usable are those of 1 m2, whatever the object is: a plate of {SMALL_M2:g} m2, as a side of a "
             f"CubeSat, is seen to {small_m:,.0f} m only",
             *([] if self.light is None else self.light.describe()),
+            *(
+                [f"found: {_CERTAIN:g} or more in every row, so that it has no column here"]
+                if self._is_always_found
+                else []
+            ),
             *self._describe_constraints(),
             *(["the lidar is on the object named first, the follower of the pair"] if self.follower is None else []),
             *self._describe_accuracy(),
@@ -267,6 +281,10 @@ class Encounters:
 
 def _format_seconds(time_s: float) -> str:
     return "-" if math.isnan(time_s) else f"{time_s:,.1f}"
+
+
+def _format_probability(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.2f}"
 
 
 def _format_three(value: float) -> str:

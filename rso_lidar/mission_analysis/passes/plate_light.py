@@ -69,13 +69,22 @@ class ViewedPlate:
             for value, assumed in zip(given, (SIDE_M, REFLECTANCE, FLASH_RATE_HZ), strict=True)
         )
 
-    def describe(self) -> str:
-        """Describe the plate in a few words, with what is assumed."""
+    def describe(self, *, with_rate: bool = True) -> str:
+        """Describe the plate in a few words, with what is assumed.
+
+        Parameters
+        ----------
+        with_rate : whether to state how often it is looked at too
+
+        Returns
+        -------
+        str
+        """
         given = (self.side_m, self.reflectance, self.flash_rate_hz)
         texts = ("a facing square plate of {:g} m side", "reflectance {:g}", "flashes at {:g} Hz")
         return ", ".join(
             text.format(value) + (" (assumed)" if known is None else "")
-            for text, value, known in zip(texts, self.values, given, strict=True)
+            for text, value, known in list(zip(texts, self.values, given, strict=True))[: 3 if with_rate else 2]
         )
 
 

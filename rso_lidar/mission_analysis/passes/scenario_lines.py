@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import math
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import make_printable
+from rso_lidar.mission_analysis.passes.plate_light import PlateLight
 from rso_lidar.orbit import ElementSet, Omm, State
 from rso_lidar.part import Part
 from rso_lidar.records import BodyState
@@ -29,6 +31,7 @@ _HINTS = (
 )
 LONGEST_RUN_S, SHORTEST_RUN_S = 1200.0, 10.0  # of a run
 _MOST_FRAMES = 1250
+_MARGIN_S = 5.0  # before and after the span of a run
 _TAKEN = ("inertial", "follower", "ptu", "lidar", "sun_direction")
 
 
@@ -177,6 +180,32 @@ def write_value(value: Any) -> str:
     if isinstance(value, datetime.datetime):
         return value.astimezone(datetime.UTC).isoformat().replace("+00:00", "Z")
     return json.dumps(make_printable(value) if isinstance(value, str) else value, ensure_ascii=False)
+
+
+def write_size(light: PlateLight | None) -> list[str]:
+    """Write the size and material of the plate that a search was asked for; nothing where they were assumed."""
+    lines = []
+    if light is not None and light.plate.side_m is not None:
+        lines.append(f"size_m   = {light.plate.side_m:g}   # longest side, that of the plate of the search")
+    if light is not None and light.plate.reflectance is not None:
+        reflectance = f"{light.plate.reflectance:g}"
+        lines.append(f'material = {{ type = "lambertian", reflectance = {reflectance} }}   # of that plate')
+    return lines
+
+
+def choose_run(
+    start_utc: datetime.datetime, span_s: tuple[float, float], about_s: float
+) -> tuple[datetime.datetime, float]:
+    """Choose start (a whole second) and duration [s] of a run over a span, at most 20 minutes about an instant.
+
+    Parameters
+    ----------
+    start_utc : from which the seconds of the span and of the instant count
+    """
+    begin = max(span_s[0] - _MARGIN_S, about_s - 0.5 * LONGEST_RUN_S)
+    end = max(min(span_s[1] + _MARGIN_S, about_s + 0.5 * LONGEST_RUN_S), begin + SHORTEST_RUN_S)
+    first_utc = (start_utc.astimezone(datetime.UTC) + datetime.timedelta(seconds=begin)).replace(microsecond=0)
+    return first_utc, float(math.ceil(end - begin) + 1)
 
 
 def write_cautions(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import math
 
 from rso_lidar import units
@@ -11,15 +10,13 @@ from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M, keep_out_rad
 from rso_lidar.mission_analysis.passes.pass_geometry import Encounter
 from rso_lidar.mission_analysis.passes.pass_table import Encounters
 from rso_lidar.mission_analysis.passes.scenario_lines import (
-    LONGEST_RUN_S,
-    SHORTEST_RUN_S,
+    choose_run,
     name_target,
     write_cautions,
     write_motion,
     write_scenario,
+    write_size,
 )
-
-_MARGIN_S = 5.0
 
 
 def scenario_text(table: Encounters, number: int) -> str:
@@ -52,7 +49,8 @@ def scenario_text(table: Encounters, number: int) -> str:
         )
     row = table.rows[number - 1]
     _check_separate(table, number)
-    start_utc, duration_s = _choose_time(table, row)
+    reach_s = row.span_s if math.isfinite(row.span_s[0]) else (row.stay.enter_s, row.stay.leave_s)
+    start_utc, duration_s = choose_run(table.start_utc, reach_s, row.time_s)
     at_utc = row.closest_at(table.start_utc)
     lines = [
         *map(make_printable, _write_facts(table, number)),  # a foreign name must not end a comment's line
@@ -68,24 +66,11 @@ def scenario_text(table: Encounters, number: int) -> str:
             table.lidar,
             max_slew_deg_s=table.max_slew_deg_s,
             slew_source="the rate of the drive is the limit that was asked about",
-            size=_write_size(table),
+            size=write_size(table.light),
         ),
         *_write_constraints(table, name_target(row.name, row.norad_id)),
     ]
     return "\n".join(lines)
-
-
-def _write_size(table: Encounters) -> list[str]:
-    """Write the size and material of the plate that the search was asked for; nothing where they were assumed."""
-    plate = None if table.light is None else table.light.plate
-    if plate is None:
-        return []
-    lines = []
-    if plate.side_m is not None:
-        lines.append(f"size_m   = {plate.side_m:g}   # longest side, that of the plate of the search")
-    if plate.reflectance is not None:
-        lines.append(f'material = {{ type = "lambertian", reflectance = {plate.reflectance:g} }}   # of that plate')
-    return lines
 
 
 def _check_separate(table: Encounters, number: int) -> None:
@@ -140,15 +125,6 @@ def _write_ages(row: Encounter) -> list[str]:
 def _format_age(days: float) -> str:
     """Format the age of elements as days before or after."""
     return f"{abs(days):.1f} days {'before' if days >= 0.0 else 'after'}"
-
-
-def _choose_time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float]:
-    """Return start (a whole second), and duration [s]."""
-    begin, end = row.span_s if math.isfinite(row.span_s[0]) else (row.stay.enter_s, row.stay.leave_s)
-    begin = max(begin - _MARGIN_S, row.time_s - 0.5 * LONGEST_RUN_S)
-    end = max(min(end + _MARGIN_S, row.time_s + 0.5 * LONGEST_RUN_S), begin + SHORTEST_RUN_S)
-    start_utc = (table.start_utc.astimezone(datetime.UTC) + datetime.timedelta(seconds=begin)).replace(microsecond=0)
-    return start_utc, float(math.ceil(end - begin) + 1)
 
 
 def _write_warnings(table: Encounters, row: Encounter) -> list[str]:

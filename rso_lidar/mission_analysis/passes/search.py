@@ -28,6 +28,7 @@ from rso_lidar.orbit import (
     ElementSet,
     NamedTrajectory,
     PairScreening,
+    ScheduledFleet,
     ScreeningResult,
     Trajectory,
     screen,
@@ -131,21 +132,21 @@ def encounters(
     lead: Any = None
     screening: ScreeningResult | PairScreening
     if follower is None:
-        others = _group_by_object(found_objects.entries)
+        others = group_by_object(found_objects.entries)
         if len(others) < 2:
             label, why = next(iter(found_objects.problems), (found_objects.where, "no other object is there"))
             raise CatalogError(f"{label}: {why}; all pairs need two or more objects, and {len(others)} can be used")
         screening = screen_pairs(others, start_utc, days * units.DAY_S, within_m)
     else:
-        own = _choose_follower(found_objects, follower, catalog)
+        own = choose_follower(found_objects, follower, catalog)
         lead = own[0]
         if isinstance(lead, ElementSet):
             lead = min(own, key=lambda entry: abs((entry.epoch_utc - start_utc).total_seconds()))
-        others = _group_by_object([entry for entry in found_objects.entries if not _is_same(entry, lead)])
+        others = group_by_object([entry for entry in found_objects.entries if not is_same(entry, lead)])
         screening = screen(
             own if isinstance(lead, ElementSet) else lead, others, start_utc, days * units.DAY_S, within_m
         )
-        _warn_of_age(screening, lead)
+        warn_of_age(screening.follower, lead)
     reach = reach_m(lidar)
     rows = fold_docked(
         screening, sorted(build_encounters(screening, reach, max_slew_deg_s, light, constraints), key=_KEYS[sort])
@@ -171,18 +172,24 @@ def encounters(
 
 def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_slew_deg_s: float) -> None:
     """Raise `ScenarioError` for limits and spans without meaning."""
-    for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
+    for what, unit, value in (("within", "m", within_m), ("max_slew", "deg/s", max_slew_deg_s)):
         _check_number(what, unit, value)
-    if not isinstance(start_utc, datetime.datetime):
-        raise ScenarioError(f"start: {quote_value(start_utc)} is not a time; give a datetime with its time zone")
     if not 0.0 < within_m <= 1e8:
         raise ScenarioError(f"within: {within_m:g} m is not a search distance; give one up to 100,000 km")
+    check_days(start_utc, days)
+    if not 0.0 < max_slew_deg_s < 1e6:
+        raise ScenarioError(f"max_slew: {max_slew_deg_s:g} deg/s is not a slew limit; give more than 0")
+
+
+def check_days(start_utc: datetime.datetime, days: float) -> None:
+    """Raise `ScenarioError` for a start or a number of days without meaning."""
+    _check_number("days", "days", days)
+    if not isinstance(start_utc, datetime.datetime):
+        raise ScenarioError(f"start: {quote_value(start_utc)} is not a time; give a datetime with its time zone")
     if start_utc.tzinfo is None:
         raise ScenarioError("start: a time without an offset is ambiguous; end it with Z or +00:00")
     if not 0.0 < days <= 60.0:
         raise ScenarioError(f"days: {days:g} is not a time span; give more than 0 and at most 60 days")
-    if not 0.0 < max_slew_deg_s < 1e6:
-        raise ScenarioError(f"max_slew: {max_slew_deg_s:g} deg/s is not a slew limit; give more than 0")
 
 
 def _check_number(what: str, unit: str, value: Any) -> None:
@@ -191,7 +198,7 @@ def _check_number(what: str, unit: str, value: Any) -> None:
         raise ScenarioError(f"{what}: {quote_value(value)} is not a number; give one in {unit}, without the unit")
 
 
-def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> list[Any]:
+def choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> list[Any]:
     """Return the element sets of the follower, or its trajectory."""
     if isinstance(follower, ElementSet | NamedTrajectory):
         return [follower]
@@ -207,9 +214,9 @@ def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> lis
     return objects.find(follower if isinstance(follower, str) else int(follower), catalog)
 
 
-def _warn_of_age(screening: ScreeningResult, lead: Any) -> None:
-    """Warn if the follower is propagated far from the epoch of its element set."""
-    age_days, oldest = screening.follower.oldest(0)
+def warn_of_age(flights: ScheduledFleet, lead: ElementSet) -> None:
+    """Warn if the follower, the first of the objects, is propagated far from the epoch of its element set."""
+    age_days, oldest = flights.oldest(0)
     if age_days > STALE_DAYS:
         warnings.warn(
             f"follower {lead.label}: flown up to {age_days:.1f} days from its epoch {oldest.epoch_utc:%Y-%m-%dT%H:%MZ}: "
@@ -219,7 +226,7 @@ def _warn_of_age(screening: ScreeningResult, lead: Any) -> None:
         )
 
 
-def _is_same(entry: Any, lead: Any) -> bool:
+def is_same(entry: Any, lead: Any) -> bool:
     """Return whether an entry is the follower: the same one, or an element set of the same object."""
     if not (isinstance(entry, ElementSet) and isinstance(lead, ElementSet)):
         if getattr(entry, "trajectory", entry) is getattr(lead, "trajectory", lead):
@@ -231,7 +238,7 @@ def _is_same(entry: Any, lead: Any) -> bool:
     return entry is lead or (entry.identity == lead.identity and any(lead.identity))
 
 
-def _group_by_object(entries: Iterable[Any]) -> list[Any]:
+def group_by_object(entries: Iterable[Any]) -> list[Any]:
     """Return the sets of each object, and trajectories; a set with neither number nor name is an object of its own."""
     objects: dict[Any, Any] = {}
     for number, entry in enumerate(entries):

@@ -312,7 +312,7 @@ class BodyTrajectory:
                 f"{scenario.name}: {name} orbits about the Moon, and encounters are searched about the Earth; take a body "
                 "about the Earth"
             )
-        self._scenario, self._name, self._start_utc = scenario, name, scenario.time.start_utc
+        self.scenario, self.name, self._start_utc = scenario, name, scenario.time.start_utc
         self._chief = Chief(scenario.bodies, name)
 
     def states(self, epochs: Epochs) -> BodyState:
@@ -327,9 +327,9 @@ class BodyTrajectory:
         bad = time_s < -1e-6
         if bad.any():
             raise PropagationError(
-                f"{self._name}: the scenario starts at {format_utc(self._start_utc, 0.0)}; begin the search then", bad
+                f"{self.name}: the scenario starts at {format_utc(self._start_utc, 0.0)}; begin the search then", bad
             )
-        with self._scenario.locate_errors(f"{self._name}.motion"):
+        with self.scenario.locate_errors(f"{self.name}.motion"):
             return self._chief.states(Epochs(self._start_utc, np.maximum(time_s, 0.0)))
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:

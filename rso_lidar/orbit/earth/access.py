@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,15 +12,23 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.central_body import EARTH, check_trajectory, find_center
 from rso_lidar.orbit.earth.ground import GroundStation
+from rso_lidar.orbit.earth.pair_conditions import (
+    EARTH_RAD_S,
+    LINE_ALTITUDE_M,
+    PHASE_RAD,
+    RANGE_M,
+    SUN_ANGLE_RAD,
+    PairCondition,
+    PairQuantity,
+    PairSamples,
+    elevation_rad,
+    sun_height_rad,
+)
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.eclipse import shadow_margins_rad
-from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
-from rso_lidar.orbit.sky.geometry import angle_rad, line_altitude_m, phase_angle_rad
-from rso_lidar.orbit.sky.sun import sun_position_m
-from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit.sky.event_search import Span, find_bounded_spans, find_minima, join_spans
+from rso_lidar.orbit.trajectory import Trajectory, find_breaks_s
 
-Margin = Callable[[Epochs, np.ndarray, np.ndarray], np.ndarray]  # of epochs, observer and target [m]; negative is good
-Span = tuple[float, float]
+_BEFORE_S = 1e-4  # a window ends this long before a break
 
 
 @dataclass(frozen=True)
@@ -56,8 +64,8 @@ def find_access(
     """Find the spans in which an observer sees a target, between the first and the last of some epochs.
 
     The Earth must not be in between. It is a sphere of its equatorial radius; for a `GroundStation`, what counts is the
-    elevation above its horizon. Every condition is followed to 0.1 ms, and short spans are searched for between the
-    instants of a scan, one minute apart.
+    elevation above its horizon. Edges are followed to 0.1 ms. Bounds on the rate of each condition say how finely the time
+    is divided, so that no span of 0.1 s is missed.
 
     Parameters
     ----------
@@ -92,58 +100,54 @@ def find_access(
     conditions = [_make_clear(observer, grazing_height_m)]
     if max_range_m is not None:
         _check_limit("max_range_m", max_range_m, math.inf)
-        conditions.append(lambda _, a, b: np.sqrt(np.sum((b - a) ** 2, axis=-1)) - max_range_m)
+        conditions.append(RANGE_M.less_than(max_range_m))
     if sunlit:
-        conditions.append(lambda at, _, b: -_sun_above_limb_rad(b, at))
+        conditions.append(sun_height_rad(of_target=True).more_than(0.0))
     if dark:
         conditions.append(_make_dark(observer))
     if sun_exclusion_deg is not None:
         _check_limit("sun_exclusion_deg", sun_exclusion_deg, 180.0)
-        conditions.append(lambda at, a, b: sun_exclusion_deg * units.DEG - angle_rad(b - a, sun_position_m(at) - a))
+        conditions.append(SUN_ANGLE_RAD.more_than(sun_exclusion_deg * units.DEG))
     if max_phase_deg is not None:
         _check_limit("max_phase_deg", max_phase_deg, 180.0)
-        conditions.append(lambda at, a, b: phase_angle_rad(b, a, sun_position_m(at)) - max_phase_deg * units.DEG)
+        conditions.append(PHASE_RAD.less_than(max_phase_deg * units.DEG))
     start_s, end_s = float(epochs.time_s.min()), float(epochs.time_s.max())
 
-    def evaluate(condition: Margin) -> Callable[[np.ndarray], np.ndarray]:
-        def margin(time_s: np.ndarray) -> np.ndarray:
-            at = Epochs(epochs.start_utc, time_s)
-            return condition(at, observer.states(at).position_m, target.states(at).position_m)
+    def pair(time_s: np.ndarray) -> PairSamples:
+        at = Epochs(epochs.start_utc, time_s)
+        return PairSamples(at, observer.states(at), target.states(at))
 
-        return margin
-
-    spans: list[Span] = [(-math.inf, math.inf)]
+    breaks = np.unique(np.concatenate([find_breaks_s(body, epochs) for body in (observer, target)]))
+    edges = [start_s, *breaks[(breaks > start_s) & (breaks < end_s)].tolist(), end_s]
+    spans: list[Span] = [
+        (begin, end if end == end_s else end - _BEFORE_S) for begin, end in itertools.pairwise(edges)
+    ]  # at a break the states are those after it
     for condition in conditions:
-        spans = _intersect(spans, find_spans_below(evaluate(condition), start_s, end_s))
-        if not spans:
-            return []
-    distance = evaluate(lambda _, a, b: np.sqrt(np.sum((b - a) ** 2, axis=-1)))
-    accesses = []
-    for begin, end in spans:
-        first, last = max(begin, start_s), min(end, end_s)
-        closest_s, closest_m = find_minimum(distance, first, last) if first < last else (first, float("nan"))
-        accesses.append(Access(begin, end, closest_s, closest_m))
-    return accesses
+        spans = find_bounded_spans(PairCondition(pair, condition), spans)
+    spans = join_spans(spans)
+    if not spans:
+        return []
+    begins, ends = np.array(spans).T
+    closest_s, closest_m = find_minima(lambda time_s: pair(time_s).range_m, begins, ends)
+    begins, ends = np.where(begins <= start_s, -math.inf, begins), np.where(ends >= end_s, math.inf, ends)
+    columns = (column.tolist() for column in (begins, ends, closest_s, closest_m))
+    return [Access(*row) for row in zip(*columns, strict=True)]
 
 
-def _make_clear(observer: Trajectory, grazing_height_m: float) -> Margin:
+def _make_clear(observer: Trajectory, grazing_height_m: float) -> PairQuantity:
     if not isinstance(observer, GroundStation):
-        return lambda _, a, b: grazing_height_m - line_altitude_m(a, b)
-    least = observer.least_elevation_deg * units.DEG
-    return lambda at, _, b: least - observer.elevation_rad(b, at)
+        return LINE_ALTITUDE_M.more_than(grazing_height_m)
+    return elevation_rad(observer).more_than(observer.least_elevation_deg * units.DEG)
 
 
-def _make_dark(observer: Trajectory) -> Margin:
+def _make_dark(observer: Trajectory) -> PairQuantity:
     if not isinstance(observer, GroundStation):
-        return lambda at, a, _: _sun_above_limb_rad(a, at)
-    return lambda at, *_: observer.elevation_rad(sun_position_m(at), at) + 6.0 * units.DEG  # civil twilight
-
-
-def _sun_above_limb_rad(position_m: np.ndarray, at: Epochs) -> np.ndarray:
-    """Return the angle (time,) [rad] of the Sun's centre above the Earth's limb, where half of its disc is visible."""
-    touched, covered = shadow_margins_rad(position_m, sun_position_m(at))
-    above: np.ndarray = 0.5 * (touched + covered)
-    return above
+        return sun_height_rad(of_target=False).less_than(0.0)
+    sun = PairQuantity(
+        lambda pair: observer.elevation_rad(pair.sun_m, pair.epochs),
+        lambda bounds: np.full_like(bounds.step_s, EARTH_RAD_S),
+    )
+    return sun.less_than(-6.0 * units.DEG)  # civil twilight
 
 
 def _check_limit(name: str, value: float, most: float) -> None:
@@ -152,13 +156,3 @@ def _check_limit(name: str, value: float, most: float) -> None:
         raise ScenarioError(
             f"{name}: needs a number above 0{f' and to {most:g}' if most < math.inf else ''}, not {value!r}"
         )
-
-
-def _intersect(some: list[Span], others: list[Span]) -> list[Span]:
-    """Return the parts that spans, each list in order, have in common."""
-    overlaps = []
-    for begin, end in some:
-        for first, last in others:
-            if max(begin, first) < min(end, last):
-                overlaps.append((max(begin, first), min(end, last)))
-    return overlaps

@@ -107,7 +107,13 @@ class ScheduledFleet:
         return int((self.several & ~self._is_flown).sum())
 
     def number(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Return the number in `fleet` (pair,) of the set that applies to object ``which[k]`` at ``time_s[k]``."""
+        """Return the number in `fleet` (pair,) of the set that applies to each object at an instant.
+
+        Parameters
+        ----------
+        which : (pair,) numbers of the objects
+        time_s : (pair,) instants [s since the start]
+        """
         number: np.ndarray = self._first[which]
         count = self._count[which]
         for k in range(1, int(count.max(initial=1))):
@@ -130,17 +136,40 @@ class ScheduledFleet:
         return position, velocity
 
     def states_in_gcrs(self, which: np.ndarray, epochs: Epochs) -> BodyState:
-        """Return states (pair, 3) in GCRS axes of the objects ``which[k]`` at the epochs ``k``, as `at` does."""
+        """Return states (pair, 3) of objects in GCRS axes, as `at` does.
+
+        Parameters
+        ----------
+        which : (pair,) numbers of the objects
+        epochs : (pair,) instants, from the start of the span on
+        """
         position, velocity = self.at(which, epochs.time_s)
         rotation = gcrs_from_teme(epochs)
         return BodyState(rotate_vectors(rotation, position), rotate_vectors(rotation, velocity))
 
     def elements(self, which: int, time_s: float) -> Any:
-        """Return the set or the piece that applies to an object at an instant [s]."""
+        """Return the set or the piece that applies to an object at an instant.
+
+        Parameters
+        ----------
+        which : number of the object
+        time_s : instant [s since the start]
+        """
         return self.fleet.sets[int(self.number(np.array([which]), np.array([time_s]))[0])]
 
     def switches(self, which: int, from_s: float, to_s: float) -> int:
-        """Count the switches of an object between its sets; negative if `to_s` is before `from_s`, 0 for a trajectory."""
+        """Count the switches of an object between its sets.
+
+        Parameters
+        ----------
+        which : number of the object
+        from_s, to_s : instants [s since the start]
+
+        Returns
+        -------
+        int
+            Negative if `to_s` is before `from_s`; 0 for a trajectory.
+        """
         if self._is_flown[which]:
             return 0
         return int(np.diff(self.number(np.array([which, which]), np.array([from_s, to_s])))[0])
@@ -149,6 +178,10 @@ class ScheduledFleet:
         """Return the set of an object that is used farthest from its epoch within the span, and that time [day].
 
         Of a trajectory the time is not a number.
+
+        Parameters
+        ----------
+        which : number of the object
         """
         mine = np.flatnonzero(self.owner == which)
         ends = np.clip([self.from_s[mine], self.to_s[mine]], 0.0, self.duration_s)
@@ -156,7 +189,13 @@ class ScheduledFleet:
         return float(ages.max()), self.fleet.sets[int(mine[np.argmax(ages)])]
 
     def ages_days(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Return the time (pair,) from the epoch of the set that applies to each instant [day]; NaN for a trajectory."""
+        """Return the time (pair,) from the epoch of the set that applies to each instant [day]; NaN for a trajectory.
+
+        Parameters
+        ----------
+        which : (pair,) numbers of the objects
+        time_s : (pair,) instants [s since the start]
+        """
         age: np.ndarray = (self._since_epoch_s(self.number(which, time_s)) + time_s) / units.DAY_S
         return age
 

@@ -1,15 +1,165 @@
-"""Search for events: the spans in which a smooth function of time is negative, and its minima."""
+"""Search for events: the spans in which a smooth function of time is negative, and its minima.
+
+A function whose rate is bounded is searched by `find_bounded_spans`: an interval is divided until its bound excludes a
+change of sign. A function without a known rate is searched by `find_spans_below`, which follows its dips.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
+
+from rso_lidar.errors import warn
 
 _SCAN_S = 60.0
 _PARTS = 16  # equal parts into which a bracket is divided
 _WITHIN_S = 1e-4
 _AT_ONCE = 100_000  # instants evaluated in one call
+_POSITIVE = 1e300  # stands for what is not finite
+_FINEST_S = 0.1  # intervals are not divided below this
+_SPLIT = 4  # parts of an interval in which the sign may change
+_MOST = 2_000_000  # instants of one search; with them a week is searched every 0.3 s
+
+Span = tuple[float, float]
+
+
+class BoundedFunction(Protocol):
+    """A function of time with a bound on its change between two instants."""
+
+    def sample(self, time_s: np.ndarray) -> np.ndarray:
+        """Return rows (time, n) at instants (time,) [s]: the value first, then whatever the bound needs.
+
+        Parameters
+        ----------
+        time_s : instants [s]
+        """
+        ...
+
+    def bound_change(self, low: np.ndarray, high: np.ndarray, step_s: np.ndarray) -> np.ndarray:
+        """Return the greatest change of the value along each interval (interval,).
+
+        Parameters
+        ----------
+        low, high : (interval, n) rows at both ends
+        step_s : (interval,) lengths [s]
+        """
+        ...
+
+
+def find_bounded_spans(function: BoundedFunction, windows: Sequence[Span], scan_s: float = _SCAN_S) -> list[Span]:
+    """Find the spans within some windows in which a function of bounded rate is negative.
+
+    Windows are divided into intervals of `scan_s` at most. An interval is divided further while its bound allows a change
+    of sign, down to 0.1 s. So no span or gap of 0.1 s is missed, however coarse the scan is.
+
+    Parameters
+    ----------
+    function : with its bound; a value that is not finite counts as positive
+    windows : spans to search, in order [s]
+    scan_s : greatest step of the first scan [s]
+
+    Returns
+    -------
+    list of (begin, end)
+        [s] to 0.1 ms, in order; spans end at the ends of the windows
+    """
+    windows = [(begin, end) for begin, end in windows if end > begin]
+    if not windows:
+        return []
+    number, time_s, values = _divide_windows(function, windows, scan_s)
+    below = values < 0.0
+    same = number[1:] == number[:-1]
+    turns = np.flatnonzero((below[1:] != below[:-1]) & same)
+    crossed = _find_crossings(lambda at: _clean(function.sample(at))[:, 0], time_s[turns], time_s[turns + 1])
+    first = np.concatenate([[True], ~same])
+    last = np.concatenate([~same, [True]])
+    begins = np.sort(np.concatenate([crossed[below[turns + 1]], time_s[first & below]]))
+    ends = np.sort(np.concatenate([crossed[below[turns]], time_s[last & below]]))
+    return list(zip(begins.tolist(), ends.tolist(), strict=True))
+
+
+def join_spans(spans: Sequence[Span], gap_s: float = 1e-3) -> list[Span]:
+    """Join spans that overlap or follow each other, such as those of neighbouring windows.
+
+    Parameters
+    ----------
+    spans : in any order [s]
+    gap_s : greatest gap between two that are joined [s]
+
+    Returns
+    -------
+    list of (begin, end)
+        in order
+
+    >>> join_spans([(4.0, 5.0), (0.0, 2.0), (2.0, 3.0)])
+    [(0.0, 3.0), (4.0, 5.0)]
+    """
+    joined: list[Span] = []
+    for begin, end in sorted(spans):
+        if joined and begin <= joined[-1][1] + gap_s:
+            joined[-1] = joined[-1][0], max(end, joined[-1][1])
+        else:
+            joined.append((begin, end))
+    return joined
+
+
+def _divide_windows(
+    function: BoundedFunction, windows: Sequence[Span], scan_s: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sample windows so densely that no change of sign hides between two instants.
+
+    Returns
+    -------
+    number of the window, instant [s] and value, in order of time
+    """
+    grids = [np.linspace(*window, max(int(np.ceil((window[1] - window[0]) / scan_s)), 1) + 1) for window in windows]
+    number = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
+    time_s = np.concatenate(grids)
+    rows = _sample(function, time_s)
+    held = [(number, time_s, rows[:, 0])]
+    count = len(time_s)
+    inner = np.flatnonzero(number[1:] == number[:-1])
+    low_s, high_s, low, high, which = time_s[inner], time_s[inner + 1], rows[inner], rows[inner + 1], number[inner]
+    parts = np.arange(1, _SPLIT) / _SPLIT
+    while True:
+        step_s = high_s - low_s
+        may_turn = np.abs(low[:, 0]) + np.abs(high[:, 0]) <= function.bound_change(low, high, step_s)
+        doubtful = (step_s > _FINEST_S) & (may_turn | ((low[:, 0] < 0.0) != (high[:, 0] < 0.0)))
+        low_s, high_s, low, high, which = (of[doubtful] for of in (low_s, high_s, low, high, which))
+        if not len(low_s):
+            break
+        count += len(low_s) * len(parts)
+        if count > _MOST:
+            warn(
+                f"events: a condition stays near its limit for hours; it is searched every {np.max(high_s - low_s):.2g} s "
+                "there, so that shorter events can be missed; change its limit, or search fewer days"
+            )
+            break
+        inside_s = low_s[:, None] + (high_s - low_s)[:, None] * parts
+        between = _sample(function, inside_s.ravel()).reshape(len(low_s), len(parts), -1)
+        held.append((np.repeat(which, len(parts)), inside_s.ravel(), between[..., 0].ravel()))
+        nodes_s = np.concatenate([low_s[:, None], inside_s, high_s[:, None]], axis=1)
+        nodes = np.concatenate([low[:, None], between, high[:, None]], axis=1)
+        low_s, high_s = nodes_s[:, :-1].ravel(), nodes_s[:, 1:].ravel()
+        low, high = (of.reshape(len(low_s), -1) for of in (nodes[:, :-1], nodes[:, 1:]))
+        which = np.repeat(which, _SPLIT)
+    number, time_s, values = (np.concatenate(column) for column in zip(*held, strict=True))
+    order = np.lexsort((time_s, number))
+    return number[order], time_s[order], values[order]
+
+
+def _sample(function: BoundedFunction, time_s: np.ndarray) -> np.ndarray:
+    """Sample a function in lots that fit the memory."""
+    lots = [_clean(function.sample(time_s[k : k + _AT_ONCE])) for k in range(0, len(time_s), _AT_ONCE)]
+    return np.concatenate(lots)
+
+
+def _clean(rows: np.ndarray) -> np.ndarray:
+    """Replace values that are not finite by a positive one."""
+    rows[~np.isfinite(rows[:, 0]), 0] = _POSITIVE
+    return rows
 
 
 def find_spans_below(
@@ -62,10 +212,30 @@ def find_minimum(value: Callable[[np.ndarray], np.ndarray], start_s: float, end_
     -------
     instant [s] to 0.1 ms, and the value there
     """
-    time_s = np.linspace(start_s, end_s, 129)
-    lowest = int(np.argmin(value(time_s)))
-    found_s, values = _narrow_to_minimum(value, time_s[[max(lowest - 1, 0)]], time_s[[min(lowest + 1, 128)]])
+    found_s, values = find_minima(value, np.array([start_s]), np.array([end_s]))
     return float(found_s[0]), float(values[0])
+
+
+def find_minima(
+    value: Callable[[np.ndarray], np.ndarray], start_s: np.ndarray, end_s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the least value of a smooth function in each of several spans, as `find_minimum` does.
+
+    Parameters
+    ----------
+    value : function of instants (time,) [s] that returns (time,)
+    start_s, end_s : (span,) first and last instants [s]
+
+    Returns
+    -------
+    instants (span,) [s] to 0.1 ms, and the values there
+    """
+    time_s = np.linspace(start_s, end_s, 129, axis=1)
+    lowest = np.argmin(value(time_s.ravel()).reshape(time_s.shape), axis=1)
+    each = np.arange(len(lowest))
+    return _narrow_to_minimum(
+        value, time_s[each, np.maximum(lowest - 1, 0)], time_s[each, np.minimum(lowest + 1, time_s.shape[1] - 1)]
+    )
 
 
 def _find_dips(

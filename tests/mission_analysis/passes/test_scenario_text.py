@@ -1,11 +1,10 @@
 """When the scenario of an encounter begins and ends."""
 
 import datetime
-from types import SimpleNamespace
 
 import pytest
 
-from rso_lidar.mission_analysis.passes.scenario_text import _choose_time
+from rso_lidar.mission_analysis.passes.scenario_lines import choose_run
 
 START = datetime.datetime(2026, 11, 29, tzinfo=datetime.UTC)
 
@@ -20,5 +19,4 @@ START = datetime.datetime(2026, 11, 29, tzinfo=datetime.UTC)
     ],
 )
 def test_a_scenario_spans_the_encounter_with_margins(span_s, begins_s, lasts_s):
-    table, row = SimpleNamespace(start_utc=START), SimpleNamespace(span_s=span_s, time_s=7000.0)
-    assert _choose_time(table, row) == (START + datetime.timedelta(seconds=begins_s), lasts_s)
+    assert choose_run(START, span_s, 7000.0) == (START + datetime.timedelta(seconds=begins_s), lasts_s)
