@@ -7,6 +7,8 @@ Everything is in GCRS axes from the Earth's centre and in SI units, unless a nam
 - `Tle` and `Omm`: SGP4, from element sets of a file or catalogue, or from one message written inline.
 - `Kepler` and `State`: two-body motion from osculating elements, or from a position and a velocity. `read_opm` reads the
   state of a CCSDS OPM.
+- `Opm`: integration from a CCSDS OPM with the maneuvers of the message. `OrbitParameterMessage` has its covariance too,
+  and `write_opm` writes one.
 - `J2`: mean elements with the secular and short-period effects of J2.
 - `Numerical`: numerical integration with `Forces` (`Drag`, `RadiationPressure`), `Impulse` and `Burn`.
 - `Ephemeris`: interpolation of a table of states (CCSDS OEM or CSV).
@@ -39,9 +41,9 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
     from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
     from rso_lidar.orbit.ccsds.reader import read_table_text
-    from rso_lidar.orbit.ccsds.state_message import read_opm
+    from rso_lidar.orbit.ccsds.state_message import OrbitParameterMessage, StatedManeuver, read_opm
     from rso_lidar.orbit.ccsds.table_segment import locate_epochs
-    from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
+    from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem, write_opm
     from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center, find_center_states, subtract_center
     from rso_lidar.orbit.collision.foster import foster_probability
     from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
@@ -65,6 +67,7 @@ if TYPE_CHECKING:
     )
     from rso_lidar.orbit.propagation.lunar_orbit import LunarKepler, LunarState
     from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, describe_late_maneuvers, rotate_to_inertial
+    from rso_lidar.orbit.propagation.message_orbit import Opm
     from rso_lidar.orbit.propagation.numerical import (
         ForceModel,
         Initial,
@@ -149,6 +152,8 @@ __all__ = [
     "Numerical",
     "OdeSolution",
     "Omm",
+    "Opm",
+    "OrbitParameterMessage",
     "OsculatingElements",
     "PairScreening",
     "RadiationPressure",
@@ -156,6 +161,7 @@ __all__ = [
     "ScreeningResult",
     "SetSequence",
     "State",
+    "StatedManeuver",
     "Tle",
     "Trajectory",
     "Transfer",
@@ -231,6 +237,7 @@ __all__ = [
     "write_attitude_csv",
     "write_ephemeris_csv",
     "write_oem",
+    "write_opm",
 ]
 
 __dir__ = limit_dir(__name__)

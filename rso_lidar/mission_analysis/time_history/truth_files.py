@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +21,14 @@ from rso_lidar.mission_analysis.time_history.open_loop import (
     tabulate_run,
 )
 from rso_lidar.motion import list_commands, write_aem
-from rso_lidar.orbit import write_oem
+from rso_lidar.orbit import State, write_oem, write_opm
 from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, angles_figure, inertial_figure, ptu_figure
 from rso_lidar.pose import ROOT
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
 
 TRUTH_FIGURES = ("relative", "orbit", "angles", "ptu")
-_SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")
+_SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".opm", ".aem", ".czml")
 _STEPPED = ("angles", "ptu")  # figures that show where the PTU really points
 
 
@@ -46,13 +47,13 @@ def save_truth(
     Parameters
     ----------
     scenario : what is flown
-    path : of the output: a picture (.png, .pdf, .svg), a table (.csv), an orbit (.oem), an attitude (.aem) or a globe
-        (.czml)
+    path : of the output: a picture (.png, .pdf, .svg), a table (.csv), an orbit (.oem), the state at the start (.opm), an
+        attitude (.aem) or a globe (.czml)
 
     Other Parameters
     ----------------
     figure : of a picture, ``relative``, ``orbit``, ``angles`` or ``ptu`` (None: ``relative``)
-    body : body of an .oem or .aem (None: the follower), or target of a picture (None: the first)
+    body : body of an .oem, .opm or .aem (None: the follower), or target of a picture (None: the first)
     every_s : time from row to row, in whole frames [s] (None: every frame). The last frame is written too
     scheme : of a picture, `LIGHT` or `DARK`
     overwrite : whether an existing file may be replaced
@@ -156,17 +157,26 @@ def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.nda
 
 
 def _write_ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:
-    """Write the motion of a body (None: the follower) as OEM, or its attitude as AEM."""
+    """Write the motion of a body (None: the follower) as OEM, its first state as OPM, or its attitude as AEM."""
     from scipy.spatial.transform import Rotation
 
     wanted = body or "follower"
     place, _ = fly_open_loop(scenario, frames, drive=suffix == ".aem" and wanted in ("ptu", "lidar"))
-    name = _check_name(wanted, list(place.states if suffix == ".oem" else place.poses))
+    name = _check_name(wanted, list(place.poses if suffix == ".aem" else place.states))
     if suffix == ".oem":
         at, states, breaks_s = sample_between_impulses(scenario, name, place.time_s)
         write_oem(output, name, name, at, states, breaks_s=breaks_s, overwrite=True)
         return
     epochs = orbit.Epochs(scenario.time.start_utc, place.time_s)
+    if suffix == ".opm":
+        own = place.states[name]
+        state = State(
+            epoch_utc=scenario.time.start_utc + datetime.timedelta(seconds=float(place.time_s[0])),
+            position_m=tuple(own.position_m[0].tolist()),
+            velocity_m_s=tuple(own.velocity_m_s[0].tolist()),
+        )
+        write_opm(output, name, name, state, overwrite=True)
+        return
     turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (place.time_s.size, 3, 3))
     write_aem(output, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)
 

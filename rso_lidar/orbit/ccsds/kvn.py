@@ -81,6 +81,20 @@ def format_kvn(kind: str, version: str, header: dict[str, str], segments: Sequen
     return "\n".join(lines[:-1]) + "\n"
 
 
+def format_keywords(kind: str, version: str, header: dict[str, str], blocks: Sequence[dict[str, str]]) -> str:
+    """Format a message of keywords without rows, block by block.
+
+    Raises
+    ------
+    RecordingError
+        if a value is not printable ASCII of at most 200 characters
+    """
+    lines = [f"CCSDS_{kind}_VERS = {version}", *_format_pairs(header)]
+    for block in blocks:
+        lines += ["", *_format_pairs(block)]
+    return "\n".join(lines) + "\n"
+
+
 def _format_pairs(words: dict[str, str]) -> list[str]:
     for key, value in words.items():
         if not value.strip() or not value.isascii() or not value.isprintable() or len(value) > 200:
