@@ -22,6 +22,8 @@ which only SGP4 may propagate. `OsculatingElements` are those of one state; `mea
 `EarthOrientation` reads polar motion and UT1. `gcrs_from_axes` and `convert_states` know the named axes. `JplEphemeris`
 reads Sun, Moon and planets from a user's kernel.
 
+**Measurements.** `TrackingDataMessage` reads ranges and angles of a TDM, and `write_tdm` writes them.
+
 **Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability` and `sample_collisions` give the probability of
 collision of two states with covariance (`UncertainState`).
 
@@ -40,9 +42,10 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.ccsds.csv_table import read_csv_table
     from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
     from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
-    from rso_lidar.orbit.ccsds.reader import read_table_text
+    from rso_lidar.orbit.ccsds.reader import is_message_of, read_table_text
     from rso_lidar.orbit.ccsds.state_message import OrbitParameterMessage, StatedManeuver, read_opm
     from rso_lidar.orbit.ccsds.table_segment import locate_epochs
+    from rso_lidar.orbit.ccsds.tracking_message import TrackingDataMessage, TrackingSegment, write_tdm
     from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem, write_opm
     from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center, find_center_states, subtract_center
     from rso_lidar.orbit.collision.foster import foster_probability
@@ -163,6 +166,8 @@ __all__ = [
     "State",
     "StatedManeuver",
     "Tle",
+    "TrackingDataMessage",
+    "TrackingSegment",
     "Trajectory",
     "Transfer",
     "UncertainSeparation",
@@ -193,6 +198,7 @@ __all__ = [
     "gcrs_from_teme",
     "geodetic_from_itrs",
     "integrate_orbit",
+    "is_message_of",
     "itrs_from_gcrs",
     "itrs_from_geodetic",
     "line_altitude_m",
@@ -238,6 +244,7 @@ __all__ = [
     "write_ephemeris_csv",
     "write_oem",
     "write_opm",
+    "write_tdm",
 ]
 
 __dir__ = limit_dir(__name__)
