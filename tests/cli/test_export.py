@@ -233,7 +233,7 @@ def test_an_unfinished_recording(call, bench, tmp_path):
         (["--to", ".", "--format", "kitti"], "is a folder; name a file in it"),
         (
             ["--to", "out.csv", "--target", "plate"],
-            "--target plate: is for tum, kitti, oem and aem; leave it out of a csv",
+            "--target plate: is for tum, kitti, tdm, oem and aem; leave it out of a csv",
         ),
         (["--to", "out.czml", "--lidar-in-target"], "--lidar-in-target: is for tum and kitti; leave it out of a czml"),
         (

@@ -70,7 +70,7 @@ class TrackingDataMessage:
     where : name of the source
     originator : as the message gives it; empty where it does not
     start_utc : whole second of UTC at or before the first measurement, from which times count
-    segments : in the order of the message
+    segments : those with ranges or angles, in the order of the message
     """
 
     where: str
@@ -116,15 +116,19 @@ class TrackingDataMessage:
             if the text does not follow the format; the message names the line
         """
         message = read_message(text, "TDM", where)
-        stamps = [_read_stamps(message, segment) for segment in message.segments]
-        known = [ps for series in stamps for rows in series.values() for ps, _ in rows]
-        if not known:
-            raise ScenarioError(f"{where}: has no measurement; give lines such as RANGE = epoch value after DATA_START")
-        start_utc, start_ps = floor_to_utc_second(min(known))
-        segments = tuple(
-            _read_segment(message, segment, series, start_ps)
-            for segment, series in zip(message.segments, stamps, strict=True)
+        used = [
+            (segment, _read_stamps(message, segment))
+            for segment in message.segments
+            if any(cells and cells[0] in _POSITION_KEYS for _, cells in segment.rows)
+        ]
+        if not used:
+            raise ScenarioError(
+                f"{where}: has no range and no angle; give lines such as RANGE = epoch value after DATA_START"
+            )
+        start_utc, start_ps = floor_to_utc_second(
+            min(ps for _, rows in used for series in rows.values() for ps, _ in series)
         )
+        segments = tuple(_read_segment(message, segment, series, start_ps) for segment, series in used)
         originator = message.header.get("ORIGINATOR")
         return cls(where, originator.value if originator else "", start_utc, segments)
 
@@ -240,8 +244,9 @@ def _read_stamps(message: CcsdsMessage, segment: CcsdsSegment) -> dict[str, list
         key, epoch, value = cells
         series.setdefault(key, []).append((parse_epoch_ps(epoch, system, here), parse_number(here, key, value)))
         lines.setdefault(key, []).append(line)
-    for key, rows in series.items():
-        check_increasing(message.where, [ps for ps, _ in rows], lines[key])
+    for key in _POSITION_KEYS:
+        if key in series:
+            check_increasing(message.where, [ps for ps, _ in series[key]], lines[key])
     return series
 
 
@@ -406,7 +411,8 @@ def write_tdm(
     if sigma_angle_rad is not None:
         notes.append(f"SIGMA_ANGLE = {sigma_angle_rad / units.DEG:.6g} [deg]")
     for name, sigma_m in zip(("ALONG", "ACROSS"), sigma_offset_m or (), strict=False):
-        notes.append(f"SIGMA_OFFSET_{name} = {sigma_m:.6g} [m]")
+        if sigma_m > 0.0:
+            notes.append(f"SIGMA_OFFSET_{name} = {sigma_m:.6g} [m]")
     notes += comments
     if bad := [note for note in notes if not note.isascii() or not note.isprintable() or len(note) > 200]:
         raise RecordingError(f"tdm: comment {bad[0]!r:.60}: the format allows up to 200 printable ASCII characters")
