@@ -120,13 +120,13 @@ def make_maneuvers(message: OrbitParameterMessage) -> tuple[Impulse | Burn, ...]
     ScenarioError
         if a burn changes the mass and the message does not give it, or uses all of it
     """
-    made: list[Impulse | Burn] = []
+    maneuvers: list[Impulse | Burn] = []
     mass_kg = message.mass_kg
     for k, stated in enumerate(message.maneuvers, start=1):
-        made.append(_make_maneuver(stated, mass_kg, f"{message.where}: maneuver {k}"))
+        maneuvers.append(_make_maneuver(stated, mass_kg, f"{message.where}: maneuver {k}"))
         if mass_kg is not None:
             mass_kg += stated.delta_mass_kg
-    return tuple(made)
+    return tuple(maneuvers)
 
 
 def _make_maneuver(stated: StatedManeuver, mass_kg: float | None, where: str) -> Impulse | Burn:
