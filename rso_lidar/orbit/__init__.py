@@ -12,6 +12,7 @@ Everything is in GCRS axes from the Earth's centre and in SI units, unless a nam
 - `J2`: mean elements with the secular and short-period effects of J2.
 - `Numerical`: numerical integration with `Forces` (`Drag`, `RadiationPressure`), `Impulse` and `Burn`.
 - `Ephemeris`: interpolation of a table of states (CCSDS OEM or CSV).
+- `SpiceMotion`: kernels of NAIF's SPICE toolkit, with the extra `spice`; `write_spk` and `write_ck` write kernels.
 - `LunarKepler` and `LunarState`: two-body motion about the Moon, whose position a user's kernel gives.
 
 **Element sets.** `Catalog` reads and filters them, and `ElementSet` is one of them. `SetSequence` is the trajectory of one
@@ -105,6 +106,8 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.sky.moon import moon_position_m
     from rso_lidar.orbit.sky.precession import equator_axes
     from rso_lidar.orbit.sky.sun import sun_position_m
+    from rso_lidar.orbit.spice.kernel_states import SpiceMotion, read_spice_attitude
+    from rso_lidar.orbit.spice.kernel_writers import write_ck, write_spk
     from rso_lidar.orbit.trajectory import Trajectory, differentiate, find_breaks_s, state_rates, two_body_rates
     from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, solve_kepler, true_from_mean
     from rso_lidar.orbit.two_body.izzo import Branch
@@ -163,6 +166,7 @@ __all__ = [
     "SampledProbability",
     "ScreeningResult",
     "SetSequence",
+    "SpiceMotion",
     "State",
     "StatedManeuver",
     "Tle",
@@ -218,6 +222,7 @@ __all__ = [
     "read_csv_table",
     "read_element_sets",
     "read_opm",
+    "read_spice_attitude",
     "read_table_text",
     "rotate_to_inertial",
     "rtn_axes",
@@ -241,9 +246,11 @@ __all__ = [
     "two_body_rates",
     "write_aem",
     "write_attitude_csv",
+    "write_ck",
     "write_ephemeris_csv",
     "write_oem",
     "write_opm",
+    "write_spk",
     "write_tdm",
 ]
 
