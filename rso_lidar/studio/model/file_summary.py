@@ -15,7 +15,17 @@ from rso_lidar.studio.model.root_folder import Folder
 
 MESHES = (".stl", ".obj", ".ply", ".glb", ".off")
 _ELEMENT_SETS = (".tle", ".3le", ".omm")
-KINDS = (*MESHES, *_ELEMENT_SETS, ".toml", ".csv", ".json", ".oem", ".opm", ".aem", ".txt")  # suffixes of files that are read
+KINDS = (
+    *MESHES,
+    *_ELEMENT_SETS,
+    ".toml",
+    ".csv",
+    ".json",
+    ".oem",
+    ".opm",
+    ".aem",
+    ".txt",
+)  # suffixes of files that are read
 MOST_UPLOAD_BYTES = 64 * 2**20
 
 
