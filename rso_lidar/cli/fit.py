@@ -71,9 +71,9 @@ def fit(
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Fit own and relative orbit to a recording by least squares, or the relative orbit to a tracking data message.
+    """Fit own and relative orbit to a recording by least squares.
 
-    The fit uses observations only. The truth serves for the error that is printed last.
+    A tracking data message (.tdm) gives the relative orbit alone. The fit uses observations only. The truth serves for the error that is printed last.
     """
     if motion not in RELATIVE_MODELS:
         raise RecordingError(
