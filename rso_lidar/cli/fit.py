@@ -73,7 +73,8 @@ def fit(
 ) -> None:
     """Fit own and relative orbit to a recording by least squares.
 
-    A tracking data message (.tdm) gives the relative orbit alone. The fit uses observations only. The truth serves for the error that is printed last.
+    A tracking data message (.tdm) gives the relative orbit alone. The fit uses observations only. The truth serves for the
+    error that is printed last.
     """
     if motion not in RELATIVE_MODELS:
         raise RecordingError(
