@@ -72,7 +72,7 @@ Scheduler = Annotated[
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
 Dark = Annotated[bool, typer.Option("--dark", help="Draw on a dark background.")]
 
-_TABLES = (".csv", ".json", ".ics", ".toml", ".oem", ".aem", ".czml")  # outputs without pictures
+_TABLES = (".csv", ".json", ".ics", ".toml", ".oem", ".opm", ".aem", ".bsp", ".bc", ".czml")  # outputs without pictures
 _LENGTHS_M = {"m": 1.0, "km": units.KM}
 
 

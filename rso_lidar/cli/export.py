@@ -14,11 +14,12 @@ from rso_lidar.evaluation import save
 from rso_lidar.export import FORMATS, Format, format_for
 from rso_lidar.files import count_bytes
 
-_OF_A_TARGET = ("tum", "kitti")
+_OF_A_TARGET = ("tum", "kitti", "tdm")
 _OF_A_BODY = ("oem", "aem")
 _OF_A_SENSOR = ("csv", "parquet")
 _OF_A_CAMERA = ("raster",)
 _QUICK = ("tum", "kitti", "csv", "parquet", "oem", "aem", "czml")  # read no image
+_WHOLE = "tdm"  # reads the recording more than once
 
 
 def export(
@@ -37,7 +38,7 @@ def export(
     target: Annotated[
         str | None,
         typer.Option(
-            "--target", metavar="NAME", help="Target of a tum or kitti; body of an oem or aem (the follower)."
+            "--target", metavar="NAME", help="Target of a tum, kitti or tdm; body of an oem or aem (the follower)."
         ),
     ] = None,
     lidar_in_target: Annotated[
@@ -60,13 +61,19 @@ def export(
             "--frame-stride-bytes", metavar="N", help="raster: bytes from one frame to the next (header and words)."
         ),
     ] = None,
+    known_attitude: Annotated[
+        bool, typer.Option("--known-attitude", help="tdm: the recorded attitude, instead of a star tracker.")
+    ] = False,
+    corrected: Annotated[
+        bool, typer.Option("--corrected", help="tdm: ranges to the target's origin, not to its visible centroid.")
+    ] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Write a recording in another format. What the format cannot hold is printed."""
     wanted = format_for(form or to)
     if target is not None and wanted.name not in _OF_A_TARGET + _OF_A_BODY:
-        raise RecordingError(f"--target {target}: is for tum, kitti, oem and aem; leave it out of a {wanted.name}")
-    if lidar_in_target and wanted.name not in _OF_A_TARGET:
+        raise RecordingError(f"--target {target}: is for tum, kitti, tdm, oem and aem; leave it out of a {wanted.name}")
+    if lidar_in_target and wanted.name not in ("tum", "kitti"):
         raise RecordingError(f"--lidar-in-target: is for tum and kitti; leave it out of a {wanted.name}")
     if sensor is not None and wanted.name not in _OF_A_SENSOR:
         raise RecordingError(f"--sensor {sensor}: is for csv and parquet; leave it out of a {wanted.name}")
@@ -79,6 +86,9 @@ def export(
     if given and wanted.name not in _OF_A_CAMERA:
         option = "--" + next(iter(given)).replace("_", "-")
         raise RecordingError(f"{option}: is for raster; leave it out of a {wanted.name}")
+    for option, is_given in (("--known-attitude", known_attitude), ("--corrected", corrected)):
+        if is_given and wanted.name != "tdm":
+            raise RecordingError(f"{option}: is for tdm; leave it out of a {wanted.name}")
     if to.exists() and to.resolve() == recording.resolve():
         raise RecordingError(f"{to}: is the recording itself; give another name")
     with files.open(recording) as read:
@@ -87,7 +97,9 @@ def export(
         options |= {"sensor": sensor} if sensor is not None else {}
         options |= {"lidar_in_target": True} if lidar_in_target else {}
         options |= given
-        each = chosen if wanted.name in _QUICK else count_frames(chosen, "exporting")
+        options |= {"known_attitude": True} if known_attitude else {}
+        options |= {"corrected": True} if corrected else {}
+        each = chosen if wanted.name in (*_QUICK, _WHOLE) else count_frames(chosen, "exporting")
         to = save(to, each, format=wanted.name, overwrite=overwrite, **options)
         echo(_summarise(to, wanted, len(chosen), len(read)))
 

@@ -1,24 +1,29 @@
-"""`rso-lidar fit`: the follower's own orbit and its orbit relative to a target, by least squares on a recording."""
+"""`rso-lidar fit`: the follower's own orbit and its orbit relative to a target, by least squares on measurements."""
 
+import datetime
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
 from rso_lidar import export, units
-from rso_lidar.cli.arguments import RecordedFrames, RecordingFile, select_frames
+from rso_lidar.cli.arguments import Overwrite, RecordedFrames, select_frames
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.evaluation import find_true_relative_state, fit_own_orbit, fit_relative_orbit
-from rso_lidar.orbit import Forces
-from rso_lidar.track import MEASUREMENT_GATE, RELATIVE_MODELS
+from rso_lidar.evaluation import find_true_relative_state, fit_own_orbit, fit_relative_orbit, fit_tracking_data
+from rso_lidar.files import check_writable
+from rso_lidar.orbit import Epochs, Forces, State, TrackingDataMessage, format_utc, write_opm
+from rso_lidar.track import MEASUREMENT_GATE, RELATIVE_MODELS, EstimatedOrbit
 
 _MANY = 0.1  # share of outliers at which the forces are the likely reason; the gate alone rejects under 1 %
 
 
 def fit(
-    recording: RecordingFile,
+    recording: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Recording (.h5, .nc, or .zarr), or tracking data message (.tdm).")
+    ],
     frames: RecordedFrames = None,
     target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
     own_only: Annotated[bool, typer.Option("--own-only", help="Fit the follower's own orbit to GNSS only.")] = False,
@@ -39,8 +44,19 @@ def fit(
         bool, typer.Option("--known-attitude", help="Take its recorded attitude as known, instead of a star tracker.")
     ] = False,
     range_noise_m: Annotated[
-        float | None, typer.Option("--range-noise", metavar="M", help="Noise of one range [m] (the detector's own).")
+        float | None,
+        typer.Option("--range-noise", metavar="M", help="Noise of one range [m] (the detector's own; the message's)."),
     ] = None,
+    angle_noise_arcsec: Annotated[
+        float | None,
+        typer.Option("--angle-noise", metavar="A", help="tdm: noise of one angle [arcsec] (the message's)."),
+    ] = None,
+    own: Annotated[
+        Path | None, typer.Option("--own", metavar="FILE", help="tdm: the observer's orbit, an OPM, OEM or CSV file.")
+    ] = None,
+    round_trip: Annotated[
+        bool, typer.Option("--round-trip", help="tdm: two-way ranges are the length of both ways, not half of it.")
+    ] = False,
     shape: Annotated[
         bool, typer.Option("--shape/--no-shape", help="Whether the fit allows for the shape of the model.")
     ] = True,
@@ -50,15 +66,35 @@ def fit(
     gate: Annotated[
         float, typer.Option("--gate", metavar="P", help="Probability to keep a measurement without fault.")
     ] = MEASUREMENT_GATE,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write the own orbit with its covariance as an .opm.")
+    ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Fit own and relative orbit to a recording by least squares.
 
-    The fit uses observations only. The truth serves for the error that is printed last.
+    A tracking data message (.tdm) gives the relative orbit alone. The fit uses observations only. The truth serves for the
+    error that is printed last.
     """
     if motion not in RELATIVE_MODELS:
         raise RecordingError(
             f"--motion {motion}: unknown model{did_you_mean(motion, RELATIVE_MODELS)} (known: {', '.join(RELATIVE_MODELS)})"
         )
+    is_message = recording.suffix.lower() == ".tdm"
+    others = {
+        "--own": own is not None, "--angle-noise": angle_noise_arcsec is not None, "--round-trip": round_trip
+    } if not is_message else {
+        "--frames": frames is not None, "--own-only": own_only, "--known-orbit": known_orbit,
+        "--known-attitude": known_attitude, "--no-shape": not shape, "--misalignment": misalignment_arcsec > 0.0,
+        "--output": output is not None,
+    }  # fmt: skip
+    if given := [name for name, is_given in others.items() if is_given]:
+        kind = "recording, not a tracking data message" if is_message else "tracking data message (.tdm)"
+        raise RecordingError(f"{given[0]}: is for a {kind}; leave it out")
+    if output is not None:
+        output = check_writable(output, (".opm",), overwrite=overwrite)
+        if known_orbit:
+            raise RecordingError("--output with --known-orbit: a known orbit is not fitted; leave one of them out")
     if own_only:
         unused = {
             "--target": target is not None, "--motion": motion != "nonlinear", "--known-orbit": known_orbit,
@@ -76,9 +112,27 @@ def fit(
         raise RecordingError(f"--misalignment {misalignment_arcsec:g}: needs arcseconds from 0")
     if not 0.5 <= gate < 1.0:
         raise RecordingError(f"--gate {gate:g}: needs a probability from 0.5 to below 1")
+    if angle_noise_arcsec is not None and not 0.0 < angle_noise_arcsec < np.inf:
+        raise RecordingError(f"--angle-noise {angle_noise_arcsec:g}: needs arcseconds above 0")
     if epoch_s is not None and not np.isfinite(epoch_s):
         raise RecordingError(f"--epoch {epoch_s:g}: needs seconds since the start")
     forces = Forces(zonal_degree=zonal_degree) if zonal_degree else None
+    if is_message:
+        if own is None:
+            raise RecordingError(f"{recording}: a message has no orbit of its observer; name its file with --own")
+        sigma_rad = None if angle_noise_arcsec is None else angle_noise_arcsec * units.ARCSEC
+        message = TrackingDataMessage.from_file(recording)
+        fitted = fit_tracking_data(
+            message, own, target, range_sigma_m=range_noise_m, angle_sigma_rad=sigma_rad, round_trip=round_trip,
+            epoch_s=epoch_s, motion=motion, forces=forces, gate=gate,
+        )  # fmt: skip
+        (chosen, *_) = message.select_target(target)
+        echo(
+            f"{recording.name}: {chosen.observer} measures {chosen.target} from {format_utc(message.start_utc, 0.0)} on"
+        )
+        for line in fitted.describe(chosen.target).splitlines():
+            echo(line)
+        return
     with export.open(recording) as read:
         some = export.Frames(read, select_frames(read, frames))
         if own_only:
@@ -90,7 +144,7 @@ def fit(
                 gate=gate,
                 folder=recording.parent,
             )
-            lines, fits = own_fit.describe().splitlines(), [own_fit.statistics]
+            lines, fits, orbit = own_fit.describe().splitlines(), [own_fit.statistics], own_fit.orbit
         else:
             navigation = fit_relative_orbit(
                 some,
@@ -108,6 +162,7 @@ def fit(
                 each=count_frames(some, "fitting"),
             )
             fits = [estimate.statistics for estimate in (navigation.own, navigation.fit) if estimate is not None]
+            orbit = navigation.fit.own
             truth = find_true_relative_state(some, navigation.target, navigation.fit.epoch_s)
             lines = navigation.describe().splitlines() + (
                 [] if truth is None else navigation.fit.describe_error(*truth)
@@ -120,3 +175,21 @@ def fit(
                 f"note: {used.n_rejected:,} of {len(used.used):,} measurements do not fit these forces; where the recorded "
                 "motion is two-body (kepler, state and hill motions are), give --zonal-degree 0"
             )
+    if output is not None:
+        _write_orbit(output, orbit)
+        echo(f"{output}")
+
+
+def _write_orbit(output: Path, orbit: EstimatedOrbit) -> None:
+    """Write an estimated orbit with its covariance as an OPM, at the whole microsecond of UTC next to its epoch."""
+    epoch_utc, elapsed_s = orbit.start_utc, 0.0
+    for _ in range(2):  # a leap second in between counts as a second
+        epoch_utc += datetime.timedelta(seconds=orbit.epoch_s - elapsed_s)
+        elapsed_s = float(Epochs(epoch_utc, np.zeros(1)).since(orbit.start_utc)[0])
+    moved = orbit.move_epoch(elapsed_s)
+    state = State(
+        epoch_utc=epoch_utc,
+        position_m=tuple(moved.position_m.tolist()),
+        velocity_m_s=tuple(moved.velocity_m_s.tolist()),
+    )
+    write_opm(output, "follower", "follower", state, covariance=moved.covariance, overwrite=True)

@@ -25,7 +25,9 @@ def truth(
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", help="What to write: .png, .pdf, .svg, .csv, .oem, .aem or .czml, by its suffix."
+            "-o",
+            "--output",
+            help="What to write: .png, .pdf, .svg, .csv, .oem, .opm, .aem, .bsp, .bc or .czml, by suffix.",
         ),
     ],
     figure: Annotated[
@@ -39,7 +41,11 @@ def truth(
     ] = None,
     body: Annotated[
         str | None,
-        typer.Option("--body", metavar="NAME", help="Body of an .oem or .aem (the follower); target of a picture."),
+        typer.Option(
+            "--body",
+            metavar="NAME",
+            help="Body of an .oem, .opm, .aem, .bsp or .bc (the follower); target of a picture.",
+        ),
     ] = None,
     every_s: Annotated[
         float | None,

@@ -8,6 +8,9 @@ if TYPE_CHECKING:
     from rso_lidar.evaluation.camera_calibration.camera_fit import CameraFit, fit_camera
     from rso_lidar.evaluation.camera_calibration.curves_file import CurvesFile, CurveTable
     from rso_lidar.evaluation.camera_calibration.fit_report import FIT_REPORT_SUFFIXES, save_fit_report
+    from rso_lidar.evaluation.conversion import (
+        save,
+    )
     from rso_lidar.evaluation.elevation import (
         HAZARD,
         SAFE,
@@ -25,13 +28,11 @@ if TYPE_CHECKING:
         fit_own_orbit,
         fit_relative_orbit,
     )
+    from rso_lidar.evaluation.orbit_determination.tracking_data import fit_tracking_data, save_tracking_data
     from rso_lidar.evaluation.raw_waveforms.comparison import WaveformComparison, compare_waveforms
     from rso_lidar.evaluation.raw_waveforms.pixset import read_pixset
     from rso_lidar.evaluation.raw_waveforms.waveform_set import RawWaveforms
     from rso_lidar.evaluation.raw_waveforms.waveform_statistics import WaveformStatistics, measure_waveforms
-    from rso_lidar.evaluation.recorded_runs.conversion import (
-        save,
-    )
     from rso_lidar.evaluation.recorded_runs.display import (
         ViewerChoice,
         view,
@@ -78,12 +79,14 @@ __all__ = [
     "fit_camera",
     "fit_own_orbit",
     "fit_relative_orbit",
+    "fit_tracking_data",
     "load_scenario",
     "measure_waveforms",
     "read_pixset",
     "sample_target",
     "save",
     "save_fit_report",
+    "save_tracking_data",
     "tracking",
     "view",
 ]

@@ -34,7 +34,7 @@ Writer = Callable[..., Path]  # (path, frames, *, overwrite=False, and options o
 class Format:
     """A format in which frames can be written.
 
-    `writer` names its function; it is empty where `study.conversion` composes the output. `folder` says that the path
+    `writer` names its function; it is empty where `evaluation.conversion` composes the output. `folder` says that the path
     names a folder. `loses` is one sentence for users, and `extra` the extra to install.
     """
 
@@ -94,6 +94,7 @@ FORMATS = {
         Format("csv", (".csv",), "formats.trajectory:write_csv", False, _TABLE),
         Format("parquet", (".parquet",), "formats.trajectory:write_table", False, _TABLE, "parquet"),
         Format("oem", (".oem",), "", False, "all but positions and velocities of bodies"),
+        Format("tdm", (".tdm",), "", False, "all but range, direction and intensity of one target in each frame"),
         Format("aem", (".aem",), "", False, "all but the attitude of bodies"),
         Format("czml", (".czml",), "", False, "all but where bodies are and how they are turned"),
     )

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
     from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
     from rso_lidar.motion.attitudes.fmu_attitude import FmuAttitude
+    from rso_lidar.motion.attitudes.kernel_attitude import SpiceAttitude
     from rso_lidar.motion.attitudes.look_at import LookAt
     from rso_lidar.motion.attitudes.situation import Attitude, Orientation, Situation
     from rso_lidar.motion.attitudes.slew import Slew
@@ -84,6 +85,7 @@ __all__ = [
     "SecondOrder",
     "Situation",
     "Slew",
+    "SpiceAttitude",
     "Spin",
     "StateSpace",
     "StateSpaceAttitude",

@@ -7,9 +7,12 @@ Everything is in GCRS axes from the Earth's centre and in SI units, unless a nam
 - `Tle` and `Omm`: SGP4, from element sets of a file or catalogue, or from one message written inline.
 - `Kepler` and `State`: two-body motion from osculating elements, or from a position and a velocity. `read_opm` reads the
   state of a CCSDS OPM.
+- `Opm`: integration from a CCSDS OPM with the maneuvers of the message. `OrbitParameterMessage` has its covariance too,
+  and `write_opm` writes one.
 - `J2`: mean elements with the secular and short-period effects of J2.
 - `Numerical`: numerical integration with `Forces` (`Drag`, `RadiationPressure`), `Impulse` and `Burn`.
 - `Ephemeris`: interpolation of a table of states (CCSDS OEM or CSV).
+- `SpiceMotion`: kernels of NAIF's SPICE toolkit, with the extra `spice`; `write_spk` and `write_ck` write kernels.
 - `LunarKepler` and `LunarState`: two-body motion about the Moon, whose position a user's kernel gives.
 
 **Element sets.** `Catalog` reads and filters them, and `ElementSet` is one of them. `SetSequence` is the trajectory of one
@@ -19,6 +22,8 @@ which only SGP4 may propagate. `OsculatingElements` are those of one state; `mea
 **The Earth below.** `GroundStation` is a place on the ground, `find_ground_track` gives latitudes and longitudes, and
 `EarthOrientation` reads polar motion and UT1. `gcrs_from_axes` and `convert_states` know the named axes. `JplEphemeris`
 reads Sun, Moon and planets from a user's kernel.
+
+**Measurements.** `TrackingDataMessage` reads ranges and angles of a TDM, and `write_tdm` writes them.
 
 **Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability`, `integrate_collisions` and `sample_collisions` give
 the probability of collision of two states with covariance (`UncertainState`).
@@ -39,10 +44,11 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.ccsds.csv_table import read_csv_table
     from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
     from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
-    from rso_lidar.orbit.ccsds.reader import read_table_text
-    from rso_lidar.orbit.ccsds.state_message import read_opm
+    from rso_lidar.orbit.ccsds.reader import is_message_of, read_table_text
+    from rso_lidar.orbit.ccsds.state_message import OrbitParameterMessage, StatedManeuver, read_opm
     from rso_lidar.orbit.ccsds.table_segment import locate_epochs
-    from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
+    from rso_lidar.orbit.ccsds.tracking_message import TrackingDataMessage, TrackingSegment, write_tdm
+    from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem, write_opm
     from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center, find_center_states, subtract_center
     from rso_lidar.orbit.collision.coppola import IntegratedProbability, integrate_collisions
     from rso_lidar.orbit.collision.foster import foster_probability
@@ -84,6 +90,7 @@ if TYPE_CHECKING:
     )
     from rso_lidar.orbit.propagation.lunar_orbit import LunarKepler, LunarState
     from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, describe_late_maneuvers, rotate_to_inertial
+    from rso_lidar.orbit.propagation.message_orbit import Opm
     from rso_lidar.orbit.propagation.numerical import (
         ForceModel,
         Initial,
@@ -127,6 +134,8 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.sky.moon import moon_position_m
     from rso_lidar.orbit.sky.precession import equator_axes
     from rso_lidar.orbit.sky.sun import sun_position_m
+    from rso_lidar.orbit.spice.kernel_states import SpiceMotion, read_spice_attitude
+    from rso_lidar.orbit.spice.kernel_writers import write_ck, write_spk
     from rso_lidar.orbit.trajectory import Trajectory, differentiate, find_breaks_s, state_rates, two_body_rates
     from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, solve_kepler, true_from_mean
     from rso_lidar.orbit.two_body.izzo import Branch
@@ -188,6 +197,8 @@ __all__ = [
     "Numerical",
     "OdeSolution",
     "Omm",
+    "Opm",
+    "OrbitParameterMessage",
     "OsculatingElements",
     "PairCondition",
     "PairQuantity",
@@ -199,8 +210,12 @@ __all__ = [
     "ScreeningResult",
     "SetSequence",
     "Span",
+    "SpiceMotion",
     "State",
+    "StatedManeuver",
     "Tle",
+    "TrackingDataMessage",
+    "TrackingSegment",
     "Trajectory",
     "Transfer",
     "UncertainSeparation",
@@ -235,6 +250,7 @@ __all__ = [
     "geodetic_from_itrs",
     "integrate_collisions",
     "integrate_orbit",
+    "is_message_of",
     "itrs_from_gcrs",
     "itrs_from_geodetic",
     "join_spans",
@@ -255,6 +271,7 @@ __all__ = [
     "read_csv_table",
     "read_element_sets",
     "read_opm",
+    "read_spice_attitude",
     "read_table_text",
     "rotate_to_inertial",
     "rtn_angle_rad",
@@ -280,8 +297,12 @@ __all__ = [
     "two_body_rates",
     "write_aem",
     "write_attitude_csv",
+    "write_ck",
     "write_ephemeris_csv",
     "write_oem",
+    "write_opm",
+    "write_spk",
+    "write_tdm",
 ]
 
 __dir__ = limit_dir(__name__)

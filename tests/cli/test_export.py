@@ -138,7 +138,7 @@ def test_an_ephemeris(call, flyby, tmp_path, target):
 
 def test_what_a_recording_names_lies_beside_it(call, flyby, tmp_path, monkeypatch):
     """A motion's file is looked up beside the recording, and what the run has warned of is not told again."""
-    import rso_lidar.evaluation.recorded_runs.conversion as command
+    import rso_lidar.evaluation.conversion as command
 
     beside, asked = flyby.with_name("plan.csv"), []
     beside.write_text("", encoding="utf-8")
@@ -153,7 +153,7 @@ def test_what_a_recording_names_lies_beside_it(call, flyby, tmp_path, monkeypatc
 
 
 def test_impulses_break_an_ephemeris(call, tmp_path, monkeypatch):
-    import rso_lidar.evaluation.recorded_runs.conversion as command
+    import rso_lidar.evaluation.conversion as command
 
     path = tmp_path / "hop.h5"
     example = FLYBY.with_name("tdrs_approach.toml")
@@ -233,7 +233,7 @@ def test_an_unfinished_recording(call, bench, tmp_path):
         (["--to", ".", "--format", "kitti"], "is a folder; name a file in it"),
         (
             ["--to", "out.csv", "--target", "plate"],
-            "--target plate: is for tum, kitti, oem and aem; leave it out of a csv",
+            "--target plate: is for tum, kitti, tdm, oem and aem; leave it out of a csv",
         ),
         (["--to", "out.czml", "--lidar-in-target"], "--lidar-in-target: is for tum and kitti; leave it out of a czml"),
         (

@@ -39,9 +39,39 @@ def test_the_own_orbit_alone_and_an_epoch_between_frames(call, stage):
     assert "NEES" not in said and "motion hill" in said and said.splitlines()[-1] == "own orbit: taken as known"
 
 
+def test_orbit_and_measurements_of_a_recording_are_fitted_again(call, rso_lidar, stage, tmp_path):
+    own, track = tmp_path / "own.opm", tmp_path / "track.tdm"
+    status, said, _ = call(stage, "--zonal-degree", "0", "--own-only", "-o", own)
+    assert status == 0 and said.splitlines()[-1] == str(own)
+    assert "CZ_DOT_Z_DOT = " in own.read_text()
+    assert rso_lidar("export", stage, "--to", track)[0] == 0
+    status, said, _ = call(track, "--own", own, "--zonal-degree", "0")
+    lines = said.splitlines()
+    assert status == 0 and lines[0] == "track.tdm: follower measures stage from 2024-09-17T12:00:00.000Z on"
+    assert lines[1].startswith("relative orbit: 5 of 5 measurements, 0 outliers; motion nonlinear")
+    for options, message in (
+        ((), "track.tdm: a message has no orbit of its observer; name its file with --own"),
+        (
+            ("--own", own, "--known-orbit"),
+            "--known-orbit: is for a recording, not a tracking data message; leave it out",
+        ),
+        (("--own", own, "--target", "x"), "no target 'x' (targets: stage)"),
+        (("--own", track), "begins with 'CCSDS_TDM_VERS = 2.0'; an OEM begins with CCSDS_OEM_VERS = ..."),
+        (("--own", own, "--angle-noise", "0"), "--angle-noise 0: needs arcseconds above 0"),
+    ):
+        status, _, errors = call(track, *options)
+        assert status == 2 and errors[-1].endswith(message)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (("--own", "x.opm"), "--own: is for a tracking data message (.tdm); leave it out"),
+        (("--round-trip",), "--round-trip: is for a tracking data message (.tdm); leave it out"),
+        (
+            ("--known-orbit", "-o", "never.opm"),
+            "--output with --known-orbit: a known orbit is not fitted; leave one of them out",
+        ),
         (("--target", "stag"), "fit: no target named 'stag'; did you mean 'stage'? (known: stage)"),
         (
             ("--motion", "hil"),

@@ -4,7 +4,7 @@ import datetime
 
 import numpy as np
 
-from rso_lidar.orbit import Epochs, Kepler, write_ephemeris_csv, write_oem
+from rso_lidar.orbit import Epochs, Kepler, State, StatedManeuver, write_ephemeris_csv, write_oem, write_opm
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 WHEN = "epoch_utc = 2024-09-17T12:00:00Z"
@@ -46,6 +46,7 @@ ORBITS = {
     "numerical from a tle": '{ type = "numerical", initial = { type = "tle", file = "low.tle" } }',
     "ephemeris, OEM": '{ type = "ephemeris", file = "low.oem" }',
     "ephemeris, CSV": '{ type = "ephemeris", file = "low.csv", interpolation = "lagrange", degree = 9 }',
+    "opm": '{ type = "opm", file = "low.opm" }',
     "state_space, inertial": (
         f'{{ type = "state_space", dynamics = "dynamics.py:two_bodies", initial_state = [{STATE}] }}'
     ),
@@ -217,6 +218,14 @@ def write_files(folder):
     )
     epochs = Epochs(START, np.arange(-300.0, 3600.1, 60.0))
     write_oem(folder / "low.oem", "LOW", "2024-001A", epochs, orbit.states(epochs))
+    first = orbit.states(Epochs(START, np.zeros(1)))
+    state = State(
+        epoch_utc=START,
+        position_m=tuple(first.position_m[0].tolist()),
+        velocity_m_s=tuple(first.velocity_m_s[0].tolist()),
+    )
+    burns = (StatedManeuver(300.0, (0.1, 0.5, -0.2)), StatedManeuver(500.0, (0.0, 2.0, 0.0), "rtn", 400.0, -0.5))
+    write_opm(folder / "low.opm", "LOW", "2024-001A", state, mass_kg=400.0, maneuvers=burns)
     write_ephemeris_csv(folder / "low.csv", epochs, orbit.states(epochs))
     turns = Rotation.from_rotvec(epochs.time_s[:, None] * np.array([1e-3, -5e-4, 2e-3]))
     write_aem(folder / "turn.aem", "LOW", "2024-001A", epochs, turns)

@@ -28,13 +28,18 @@ _Sensor = TypeVar("_Sensor", bound=Any)
 class TargetFixes:
     """Positions (frame, 3) of a target minus the follower's origin in inertial axes [m], NaN without one.
 
-    `covariance_m2` (frame, 3, 3) is of each, and `inertial_from_body` (frame, 3, 3) the attitude of the follower.
+    `covariance_m2` (frame, 3, 3) is of each, and `inertial_from_body` (frame, 3, 3) the attitude of the follower. Of the
+    pixels of the target, `pixel_count` (frame) returned, with `intensity_counts` (frame) in all and `peak_counts` (frame) in
+    the brightest; these are 0 without a measurement.
     """
 
     time_s: np.ndarray
     position_m: np.ndarray
     covariance_m2: np.ndarray
     inertial_from_body: np.ndarray
+    pixel_count: np.ndarray
+    intensity_counts: np.ndarray
+    peak_counts: np.ndarray
 
 
 def find_sensor(scenario: Scenario, kind: type[_Sensor], name: str | None) -> _Sensor | None:
@@ -128,7 +133,7 @@ def measure_target(
     range_noise_m : standard deviation of one range [m]
     wander_m : changes of the centroid on the target from frame to frame, along the line of sight and across it, 1 sigma [m]
     """
-    time_s, lines, spreads = [], [], []
+    time_s, lines, spreads, signals = [], [], [], []
     pointing_rad = find_pointing_error_rad(scenario)
     for frame in frames:
         observation = frame.observation
@@ -138,7 +143,10 @@ def measure_target(
         if fix is None or _is_cut(observation.points_m, size_m):
             lines.append(np.full(3, np.nan))
             spreads.append(np.full((3, 3), np.nan))
+            signals.append((0.0, 0.0, 0.0))
             continue
+        counts = observation.reading.intensity_counts[select_target_points(observation.points_m, size_m)].astype(float)
+        signals.append((float(counts.size), float(counts.sum()), float(counts.max(initial=0.0))))
         toward = fix.position_m / fix.range_m
         ahead = np.outer(toward, toward)
         across_m2 = wander_m[1] ** 2 + (pointing_rad * fix.range_m) ** 2
@@ -158,6 +166,7 @@ def measure_target(
         np.einsum("nij,nj->ni", turned, line),
         turned @ spread @ np.swapaxes(turned, -1, -2),
         turned,
+        *np.array(signals).reshape(-1, 3).T,
     )
 
 

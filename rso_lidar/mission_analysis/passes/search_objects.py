@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from rso_lidar.orbit import (
     NamedTrajectory,
     Trajectory,
     format_utc,
+    is_message_of,
     list_ephemeris_objects,
     read_element_sets,
     read_opm,
@@ -275,14 +275,9 @@ def _find_kind(path: str) -> str:
     words = head.lower()
     columns = {cell.strip() for cell in words.lstrip().splitlines()[0].split(",")} if words.strip() else set()
     is_table = {"x_m", "x_km"} & columns and {"time_s", "utc", "epoch"} & columns
-    if is_table or _names_message("oem", words):
+    if is_table or is_message_of("OEM", head):
         return "ephemeris"
-    return "state" if _names_message("opm", words) else "elements"
-
-
-def _names_message(kind: str, words: str) -> bool:
-    """Return whether a text in small letters begins a CCSDS message of a kind, as keyword = value or XML."""
-    return f"ccsds_{kind}_vers" in words or re.search(rf"<(\w+:)?{kind}\b", words) is not None
+    return "state" if is_message_of("OPM", head) else "elements"
 
 
 class BodyTrajectory:

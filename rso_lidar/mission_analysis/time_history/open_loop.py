@@ -165,6 +165,9 @@ def _find_jumps_s(scenario: Scenario, body: motion.Body) -> set[float]:
         return {
             maneuver.at_s for maneuver in flight.list_maneuvers(scenario.span[1]) if isinstance(maneuver, orbit.Impulse)
         }
+    dated = getattr(body.motion, "list_impulses_s", None)  # where maneuvers have dates, not times of the run
+    if dated is not None:
+        return set(dated(scenario.time.start_utc))
     planned = {float(command.time_s) for command in list_commands(body, scenario.bodies, *scenario.span)}
     return planned | set(getattr(body.motion, "impulses_s", ()))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +21,16 @@ from rso_lidar.mission_analysis.time_history.open_loop import (
     tabulate_run,
 )
 from rso_lidar.motion import list_commands, write_aem
-from rso_lidar.orbit import write_oem
+from rso_lidar.orbit import State, write_ck, write_oem, write_opm, write_spk
 from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, angles_figure, inertial_figure, ptu_figure
 from rso_lidar.pose import ROOT
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
 
 TRUTH_FIGURES = ("relative", "orbit", "angles", "ptu")
-_SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")
+_KERNELS = (".bsp", ".bc")
+_FIRST_NUMBER = -900_001  # of bodies in kernels, in the order of the tree of axes; below those that NAIF has assigned
+_SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".opm", ".aem", ".czml", *_KERNELS)
 _STEPPED = ("angles", "ptu")  # figures that show where the PTU really points
 
 
@@ -46,13 +49,14 @@ def save_truth(
     Parameters
     ----------
     scenario : what is flown
-    path : of the output: a picture (.png, .pdf, .svg), a table (.csv), an orbit (.oem), an attitude (.aem) or a globe
-        (.czml)
+    path : of the output: a picture (.png, .pdf, .svg), a table (.csv), an orbit (.oem), the state at the start (.opm), an
+        attitude (.aem), a globe (.czml), or a SPICE kernel of an orbit (.bsp, type 13) or an attitude (.bc, with a .tf and
+        a .tsc beside it)
 
     Other Parameters
     ----------------
     figure : of a picture, ``relative``, ``orbit``, ``angles`` or ``ptu`` (None: ``relative``)
-    body : body of an .oem or .aem (None: the follower), or target of a picture (None: the first)
+    body : body of an .oem, .opm, .aem or kernel (None: the follower), or target of a picture (None: the first)
     every_s : time from row to row, in whole frames [s] (None: every frame). The last frame is written too
     scheme : of a picture, `LIGHT` or `DARK`
     overwrite : whether an existing file may be replaced
@@ -85,7 +89,7 @@ def save_truth(
         targets = [target.name for target in scenario.target]
         write_globe(output, scenario.name, scenario.time.start_utc, targets, place)
     else:
-        _write_ephemeris(scenario, output, suffix, body, frames)
+        _write_ephemeris(scenario, output, suffix, body, frames, overwrite=overwrite)
     return output
 
 
@@ -155,19 +159,38 @@ def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.nda
     return draw_trajectory(scenario, place, target)
 
 
-def _write_ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:
-    """Write the motion of a body (None: the follower) as OEM, or its attitude as AEM."""
+def _write_ephemeris(
+    scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray, *, overwrite: bool
+) -> None:
+    """Write the motion of a body (None: the follower) as OEM or SPK, its first state as OPM, its attitude as AEM or CK."""
     from scipy.spatial.transform import Rotation
 
     wanted = body or "follower"
-    place, _ = fly_open_loop(scenario, frames, drive=suffix == ".aem" and wanted in ("ptu", "lidar"))
-    name = _check_name(wanted, list(place.states if suffix == ".oem" else place.poses))
-    if suffix == ".oem":
+    place, _ = fly_open_loop(scenario, frames, drive=suffix in (".aem", ".bc") and wanted in ("ptu", "lidar"))
+    name = _check_name(wanted, list(place.poses if suffix in (".aem", ".bc") else place.states))
+    number = _FIRST_NUMBER - list(place.poses).index(name)
+    if suffix in (".oem", ".bsp"):
         at, states, breaks_s = sample_between_impulses(scenario, name, place.time_s)
-        write_oem(output, name, name, at, states, breaks_s=breaks_s, overwrite=True)
+        if suffix == ".bsp":
+            write_spk(output, name, number, at, states, breaks_s=breaks_s, overwrite=True)
+        else:
+            write_oem(output, name, name, at, states, breaks_s=breaks_s, overwrite=True)
         return
     epochs = orbit.Epochs(scenario.time.start_utc, place.time_s)
+    if suffix == ".opm":
+        own = place.states[name]
+        state = State(
+            epoch_utc=scenario.time.start_utc + datetime.timedelta(seconds=float(place.time_s[0])),
+            position_m=tuple(own.position_m[0].tolist()),
+            velocity_m_s=tuple(own.velocity_m_s[0].tolist()),
+        )
+        write_opm(output, name, name, state, overwrite=True)
+        return
     turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (place.time_s.size, 3, 3))
+    if suffix == ".bc":
+        rate = np.broadcast_to(place.rates(ROOT, name)[1], (place.time_s.size, 3))
+        write_ck(output, name, number, epochs, Rotation.from_matrix(turned), rate, overwrite=overwrite)
+        return
     write_aem(output, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)
 
 

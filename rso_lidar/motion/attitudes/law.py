@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field
 
 from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
 from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
+from rso_lidar.motion.attitudes.kernel_attitude import SpiceAttitude
 from rso_lidar.motion.attitudes.look_at import LookAt
 from rso_lidar.motion.attitudes.situation import Attitude
 from rso_lidar.motion.attitudes.spin import Spin, Tumble
@@ -26,6 +27,6 @@ def refuse_bare_lvlh(table: Any) -> Any:
     return table
 
 
-Law = FixedAttitude | Rtn | LvlhCcsds | LookAt | Spin | Tumble | SunPointing | Nadir | AttitudeTable
+Law = FixedAttitude | Rtn | LvlhCcsds | LookAt | Spin | Tumble | SunPointing | Nadir | AttitudeTable | SpiceAttitude
 DescribedLaw = Annotated[Annotated[Law, Field(discriminator="type")], BeforeValidator(refuse_bare_lvlh)]
 AnyLaw = Annotated[DescribedLaw | Attitude, Seam(DescribedLaw, Attitude)]

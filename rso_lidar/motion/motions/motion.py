@@ -14,7 +14,20 @@ from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.placement import PlacedMotion
 from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
 from rso_lidar.motion.motions.state_space import StateSpace
-from rso_lidar.orbit import J2, Ephemeris, Epochs, Kepler, LunarKepler, LunarState, Numerical, Omm, State, Tle
+from rso_lidar.orbit import (
+    J2,
+    Ephemeris,
+    Epochs,
+    Kepler,
+    LunarKepler,
+    LunarState,
+    Numerical,
+    Omm,
+    Opm,
+    SpiceMotion,
+    State,
+    Tle,
+)
 from rso_lidar.part import (
     Part,
     Seam,
@@ -91,6 +104,8 @@ DescribedMotion = Annotated[
     | J2
     | Numerical
     | Ephemeris
+    | Opm
+    | SpiceMotion
     | LunarKepler
     | LunarState
     | Hill

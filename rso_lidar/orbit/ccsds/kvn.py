@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from rso_lidar.errors import RecordingError, ScenarioError
-from rso_lidar.orbit.ccsds.message import CcsdsMessage, CcsdsSegment, Entry
+from rso_lidar.orbit.ccsds.message import CcsdsMessage, CcsdsSegment, Entry, parse_sigma
 
 _KEYWORD = re.compile(r"([A-Z][A-Z0-9_]*)\s*=\s*(.*)", re.ASCII)
 Piece = tuple[dict[str, str], Iterable[str]]  # the metadata of a segment, and its lines
@@ -22,13 +22,18 @@ def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
     for number, raw in enumerate(text.splitlines(), start=1):
         line = raw.strip()
         if not line or line == "COMMENT" or line.startswith(("COMMENT ", "COMMENT\t")):
+            note = parse_sigma(line.removeprefix("COMMENT"))
+            if note is not None and message.segments:
+                message.segments[-1].meta.setdefault(note[0], Entry(note[1], number))
             continue
         if not message.version:
             match = _KEYWORD.fullmatch(line)
             if match is None or match[1] != f"CCSDS_{kind}_VERS":
+                article = "a" if kind == "TDM" else "an"
                 other = "; read the state of an OPM with `rl.orbit.read_opm`" if line.startswith("CCSDS_OPM") else ""
                 raise ScenarioError(
-                    f"{where}: line {number}: begins with '{line:.40}'; an {kind} begins with CCSDS_{kind}_VERS = ...{other}"
+                    f"{where}: line {number}: begins with '{line:.40}'; {article} {kind} begins with "
+                    f"CCSDS_{kind}_VERS = ...{other}"
                 )
             message.version = match[2]
             continue
@@ -47,10 +52,14 @@ def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
         if inside == "COVARIANCE":
             continue
         match = _KEYWORD.fullmatch(line)
-        if match is not None:
+        if match is not None and kind == "TDM" and inside == "DATA":
+            message.segments[-1].rows.append((number, [match[1], *match[2].split()]))
+        elif match is not None:
             if inside != "META" and message.segments:
+                other = ", or measurements after DATA_START" if kind == "TDM" else ""
                 raise ScenarioError(
-                    f"{where}: line {number}: keyword {match[1]} among the rows; put it between META_START and META_STOP"
+                    f"{where}: line {number}: keyword {match[1]} among the rows; put it between META_START and "
+                    f"META_STOP{other}"
                 )
             into = message.segments[-1].meta if inside == "META" else message.header
             if match[1] in into:
@@ -74,11 +83,25 @@ def format_kvn(kind: str, version: str, header: dict[str, str], segments: Sequen
     RecordingError
         if a value is not printable ASCII of at most 200 characters
     """
-    before, after = (["DATA_START"], ["DATA_STOP"]) if kind == "AEM" else ([], [])
+    before, after = (["DATA_START"], ["DATA_STOP"]) if kind in ("AEM", "TDM") else ([], [])
     lines = [f"CCSDS_{kind}_VERS = {version}", *_format_pairs(header), ""]
     for meta, rows in segments:
         lines += ["META_START", *_format_pairs(meta), "META_STOP", "", *before, *rows, *after, ""]
     return "\n".join(lines[:-1]) + "\n"
+
+
+def format_keywords(kind: str, version: str, header: dict[str, str], blocks: Sequence[dict[str, str]]) -> str:
+    """Format a message of keywords without rows, block by block.
+
+    Raises
+    ------
+    RecordingError
+        if a value is not printable ASCII of at most 200 characters
+    """
+    lines = [f"CCSDS_{kind}_VERS = {version}", *_format_pairs(header)]
+    for block in blocks:
+        lines += ["", *_format_pairs(block)]
+    return "\n".join(lines) + "\n"
 
 
 def _format_pairs(words: dict[str, str]) -> list[str]:

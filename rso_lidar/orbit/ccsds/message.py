@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -11,6 +12,13 @@ import numpy as np
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.orbit.epochs import PS_PER_S, TIME_SYSTEMS, parse_epoch_ps
 from rso_lidar.part import GREATEST
+
+# Comments in which this package states the noise of measurements of a TDM.
+_SIGMA = re.compile(
+    r"\s*(SIGMA_ANGLE(?=[^\[]*\[deg)|SIGMA_(?:RANGE|OFFSET_ALONG|OFFSET_ACROSS)(?=[^\[]*\[m))\s*=\s*(\S+)\s*"
+    r"\[(?:m|deg)\]\s*",
+    re.ASCII,
+)
 
 
 @dataclass(frozen=True)
@@ -54,6 +62,12 @@ class CcsdsMessage:
     def time_system(self, segment: CcsdsSegment) -> str:
         """Return the time system of a segment; `ScenarioError` if it is not one of `TIME_SYSTEMS`."""
         return read_time_system(self.require(segment, "TIME_SYSTEM"), self.where)
+
+
+def parse_sigma(comment: str) -> tuple[str, str] | None:
+    """Parse a comment that states the noise of measurements of a TDM, as its key and its number."""
+    match = _SIGMA.fullmatch(comment)
+    return None if match is None else (f"COMMENT {match[1]}", match[2])
 
 
 def read_time_system(entry: Entry, where: str) -> str:

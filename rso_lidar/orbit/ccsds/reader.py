@@ -96,6 +96,21 @@ def is_message(text: str) -> bool:
     return first.startswith(("<", "CCSDS_", "COMMENT")) or "," not in first
 
 
+def is_message_of(kind: str, text: str) -> bool:
+    """Return whether a text is a CCSDS message of a kind, in keyword = value notation or XML.
+
+    Parameters
+    ----------
+    kind : such as "OEM", "OPM" or "TDM"
+    text : the text, or its first lines
+
+    Returns
+    -------
+    bool
+    """
+    return f"CCSDS_{kind}_VERS" in text.upper() or re.search(rf"<(\w+:)?{kind}\b", text, re.IGNORECASE) is not None
+
+
 def read_message(text: str, kind: str, where: str) -> CcsdsMessage:
     """Read a message in keyword = value or XML notation; raise `ScenarioError` if it does not follow the format."""
     if text.lstrip().startswith("<"):

@@ -1,4 +1,4 @@
-"""Writers of ephemerides: CCSDS OEM (502.0-B, keyword = value) and CSV."""
+"""Writers of orbits: CCSDS OEM and OPM (502.0-B, keyword = value), and CSV."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from rso_lidar import units
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import write_text
 from rso_lidar.orbit.ccsds.ephemeris_arc import DEGREE, PLACES, SPEEDS
-from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
-from rso_lidar.orbit.ccsds.reference_frames import WRITTEN_FRAMES
-from rso_lidar.orbit.earth.axes import EarthAxes, convert_states
+from rso_lidar.orbit.ccsds.kvn import format_keywords, format_kvn, make_header
+from rso_lidar.orbit.ccsds.reference_frames import OrbitFrame, convert_to_written
+from rso_lidar.orbit.ccsds.state_message import STATE_KEYS, StatedManeuver, find_turn
+from rso_lidar.orbit.earth.axes import EarthAxes
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
 from rso_lidar.orbit.epochs import Epochs, format_epochs
+from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.records import BodyState
 
 
@@ -32,6 +34,7 @@ def write_oem(
     version: Literal["2.0", "3.0"] = "2.0",
     breaks_s: Sequence[float] = (),
     axes: EarthAxes = "gcrs",
+    frame_epoch_utc: datetime.datetime | None = None,
     orientation: EarthOrientation | None = None,
     created_utc: datetime.datetime | None = None,
     overwrite: bool = False,
@@ -52,6 +55,8 @@ def write_oem(
     breaks_s : instants [s] at which the velocity jumps; a new segment begins at each, since interpolation must not
         cross them
     axes : axes of the file: "gcrs", "eme2000", "mod", "tod", "teme" or "itrs"
+    frame_epoch_utc : for "mod", "tod" and "teme", the one epoch of the axes (REF_FRAME_EPOCH); by default they are those
+        of each row's date
     orientation : polar motion and UT1 for "itrs"; without it the file is off by up to 0.9 arcsecond of the distance
     created_utc : CREATION_DATE, now if left out
     overwrite : whether an existing file is replaced
@@ -66,10 +71,10 @@ def write_oem(
     RecordingError
         if the states or epochs make no ephemeris, or the file cannot be written
     ScenarioError
-        if the axes are unknown
+        if the axes are unknown, or have no epoch of their own
     """
     _check_rows(epochs, states)
-    states = convert_states(states, epochs, to_axes=axes, orientation=orientation)
+    states, frame = convert_to_written(states, epochs, axes, frame_epoch_utc, orientation)
     rows, texts = _check_rows(epochs, states), format_epochs(epochs)
     edges = np.searchsorted(epochs.time_s, np.sort(np.asarray(breaks_s, dtype=float)))
     segments = []
@@ -85,7 +90,7 @@ def write_oem(
             "OBJECT_NAME": name,
             "OBJECT_ID": object_id,
             "CENTER_NAME": "EARTH",
-            "REF_FRAME": WRITTEN_FRAMES[axes],
+            **frame,
             "TIME_SYSTEM": "UTC",
             "START_TIME": texts[part[0]],
             "STOP_TIME": texts[part[-1]],
@@ -101,6 +106,120 @@ def _format_line(text: str, row: list[float]) -> str:
     """Format a line of an OEM: km to 1e-9, km/s to 1e-12."""
     cells = [*(f"{value / units.KM:.9f}" for value in row[:3]), *(f"{value / units.KM:.12f}" for value in row[3:])]
     return " ".join([text, *cells])
+
+
+def write_opm(
+    path: str | Path,
+    name: str,
+    object_id: str,
+    state: State,
+    *,
+    covariance: np.ndarray | None = None,
+    covariance_axes: OrbitFrame | None = None,
+    mass_kg: float | None = None,
+    maneuvers: Sequence[StatedManeuver] = (),
+    originator: str = "RSO_LIDAR",
+    version: Literal["2.0", "3.0"] = "2.0",
+    axes: EarthAxes = "gcrs",
+    frame_epoch_utc: datetime.datetime | None = None,
+    orientation: EarthOrientation | None = None,
+    created_utc: datetime.datetime | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Write a state as an OPM (keyword = value; UTC; GCRF unless other axes are chosen) to 1e-6 m and 1e-9 m/s.
+
+    Parameters
+    ----------
+    path : path of the file
+    name, object_id : OBJECT_NAME and OBJECT_ID of the message
+    state : its epoch, position and velocity in GCRS axes
+    covariance : (6, 6) of the state in GCRS axes [m2, m2/s, m2/s2]; none if left out
+    covariance_axes : orbital axes in which the file states the covariance, "rtn" or "tnw"; those of the state if left out
+    mass_kg : mass at the epoch, which maneuvers require [kg]
+    maneuvers : as of `OrbitParameterMessage`, in the order of time
+
+    Other Parameters
+    ----------------
+    originator : ORIGINATOR of the message
+    version : version of the format
+    axes : axes of the file: "gcrs", "eme2000", "mod", "tod", "teme" or "itrs"
+    frame_epoch_utc : for "mod", "tod" and "teme", the epoch of the axes (REF_FRAME_EPOCH); by default that of the state
+    orientation : polar motion and UT1 for "itrs"; without it the file is off by up to 0.9 arcsecond of the distance
+    created_utc : CREATION_DATE, now if left out
+    overwrite : whether an existing file is replaced
+
+    Returns
+    -------
+    Path
+        the path
+
+    Raises
+    ------
+    RecordingError
+        if the covariance or the maneuvers cannot be stated, or the file cannot be written
+    ScenarioError
+        if the axes are unknown, or have no epoch of their own
+    """
+    at = Epochs(state.epoch_utc, np.zeros(1))
+    given = BodyState(np.array([state.position_m]), np.array([state.velocity_m_s]))
+    there, frame = convert_to_written(given, at, axes, frame_epoch_utc, orientation)
+    numbers = [*there.position_m[0].tolist(), *there.velocity_m_s[0].tolist()]
+    meta = {"OBJECT_NAME": name, "OBJECT_ID": object_id, "CENTER_NAME": "EARTH", **frame, "TIME_SYSTEM": "UTC"}
+    body = {"EPOCH": format_epochs(at)[0]}
+    for k, (key, value) in enumerate(zip(STATE_KEYS, numbers, strict=True)):
+        body[key] = f"{value / units.KM:.{9 if k < 3 else 12}f} [{'km' if k < 3 else 'km/s'}]"
+    blocks = [meta, body]
+    if mass_kg is not None:
+        if not 0.0 < mass_kg < np.inf:
+            raise RecordingError(f"mass_kg: {mass_kg:g} kg; give a mass above 0")
+        blocks.append({"MASS": f"{mass_kg:.6f} [kg]"})
+    if covariance is not None:
+        basis = np.eye(6)
+        epochs = Epochs(state.epoch_utc, np.zeros(6))
+        if covariance_axes is None:
+            columns, _ = convert_to_written(
+                BodyState(basis[:, :3], basis[:, 3:]), epochs, axes, frame_epoch_utc, orientation
+            )
+            turn = np.concatenate([columns.position_m, columns.velocity_m_s], axis=1).T
+        else:
+            turn = find_turn(covariance_axes, state, None, None).T
+        blocks.append(_format_covariance(covariance, turn, covariance_axes))
+    if maneuvers and mass_kg is None:
+        raise RecordingError("mass_kg: a message with maneuvers states the mass (502.0-B, 3.2.4.9); give it")
+    blocks += [_format_maneuver(maneuver, state.epoch_utc) for maneuver in maneuvers]
+    text = format_keywords("OPM", version, make_header(originator, created_utc), blocks)
+    return write_text(path, text, overwrite=overwrite)
+
+
+def _format_covariance(covariance: np.ndarray, turn: np.ndarray, axes: OrbitFrame | None) -> dict[str, str]:
+    """Format a covariance (6, 6) in GCRS axes, of which `turn` (6, 6) makes that of the file, to 16 digits."""
+    matrix = np.asarray(covariance, dtype=float)
+    if matrix.shape != (6, 6) or not np.isfinite(matrix).all() or (np.diag(matrix) < 0.0).any():
+        raise RecordingError("covariance: needs 6 x 6 finite numbers with variances of 0 or more; correct it")
+    turned = turn @ (0.5 * (matrix + matrix.T)) @ turn.T / units.KM**2
+    words = {} if axes is None else {"COV_REF_FRAME": axes.upper()}
+    for row, name in enumerate(STATE_KEYS):
+        for column, other in enumerate(STATE_KEYS[: row + 1]):
+            unit = ("km**2", "km**2/s", "km**2/s**2")[(row > 2) + (column > 2)]
+            words[f"C{name}_{other}"] = f"{turned[row, column]:.15e} [{unit}]"
+    return words
+
+
+def _format_maneuver(maneuver: StatedManeuver, epoch_utc: datetime.datetime) -> dict[str, str]:
+    """Format a maneuver, whose time counts from the epoch of the state."""
+    x, y, z = (component / units.KM for component in maneuver.delta_v_m_s)
+    frame, vector = {
+        "rtn": ("RTN", (x, y, z)),
+        "vnc": ("TNW", (x, -z, y)),  # N = W x T is inward on a circle
+        "inertial": ("GCRF", (x, y, z)),
+    }[maneuver.axes]
+    words = {
+        "MAN_EPOCH_IGNITION": format_epochs(Epochs(epoch_utc, np.array([maneuver.ignition_s])))[0],
+        "MAN_DURATION": f"{maneuver.duration_s:.6f} [s]",
+        "MAN_DELTA_MASS": f"{maneuver.delta_mass_kg:.6f} [kg]",
+        "MAN_REF_FRAME": frame,
+    }
+    return words | {f"MAN_DV_{k}": f"{value:.12f} [km/s]" for k, value in enumerate(vector, start=1)}
 
 
 def write_ephemeris_csv(path: str | Path, epochs: Epochs, states: BodyState, *, overwrite: bool = False) -> Path:

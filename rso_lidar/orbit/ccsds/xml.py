@@ -7,16 +7,18 @@ from typing import Any, Protocol
 from xml.parsers import expat
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.ccsds.message import CcsdsMessage, CcsdsSegment, Entry
+from rso_lidar.orbit.ccsds.message import CcsdsMessage, CcsdsSegment, Entry, parse_sigma
 
 # Leaves of a data row that are read, in the order of the cells in keyword = value notation, and units they may state.
 _ROWS = {
     "stateVector": ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT"),
     "attitudeState": ("EPOCH", "Q1", "Q2", "Q3", "QC"),
+    "observation": ("EPOCH",),  # and one leaf of any name
 }
 _UNITS = {
     "stateVector": dict.fromkeys(("X", "Y", "Z"), "km") | dict.fromkeys(("X_DOT", "Y_DOT", "Z_DOT"), "km/s"),
     "attitudeState": dict.fromkeys(("Q1", "Q2", "Q3", "QC"), ""),
+    "observation": {},
 }
 _SKIPPED = ("COMMENT", "covarianceMatrix", "USER_DEFINED")
 
@@ -133,6 +135,9 @@ class _RowReceiver:
 
     def end(self, tag: str, value: str, unit: str, line: int) -> None:
         self.path.pop()
+        note = parse_sigma(value) if tag == "COMMENT" and self.message.segments else None
+        if note is not None:
+            self.message.segments[-1].meta.setdefault(note[0], Entry(note[1], line))
         if tag in _SKIPPED or any(open_tag in _SKIPPED for open_tag in self.path):
             return
         if self.row is not None and tag == self.row_tag:
@@ -141,7 +146,7 @@ class _RowReceiver:
                 self.message.segments[-1].meta["QUATERNION_TYPE"] = Entry("LAST", self.row_line)
             self.row = None
         elif self.row is not None and value:
-            if tag in _ROWS[self.row_tag]:
+            if tag in _ROWS[self.row_tag] or self.row_tag == "observation":
                 self.check_unique(tag, self.row, line)
                 expected = _UNITS[self.row_tag].get(tag, unit)
                 if unit.lower() not in ("", expected):
@@ -165,6 +170,8 @@ class _RowReceiver:
         A state vector that lacks a component is refused, because the next component would take its place.
         """
         names = _ROWS[self.row_tag]
+        if self.row_tag == "observation":
+            return [*(word for key in row if key != "EPOCH" for word in (key, row.get("EPOCH", ""), row[key]))]
         lacking = [name for name in names if name not in row]
         if self.row_tag == "stateVector" and lacking:
             raise ScenarioError(

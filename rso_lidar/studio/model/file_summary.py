@@ -8,14 +8,24 @@ from pathlib import Path
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.files import MOST_BYTES, check_writable, read_bytes, write_atomically
-from rso_lidar.orbit import list_ephemeris_objects, read_element_sets
+from rso_lidar.orbit import OrbitParameterMessage, list_ephemeris_objects, read_element_sets
 from rso_lidar.scene import load_mesh
 from rso_lidar.studio.model.mesh_sizes import summarize_mesh
 from rso_lidar.studio.model.root_folder import Folder
 
 MESHES = (".stl", ".obj", ".ply", ".glb", ".off")
 _ELEMENT_SETS = (".tle", ".3le", ".omm")
-KINDS = (*MESHES, *_ELEMENT_SETS, ".toml", ".csv", ".json", ".oem", ".aem", ".txt")  # suffixes of files that are read
+KINDS = (
+    *MESHES,
+    *_ELEMENT_SETS,
+    ".toml",
+    ".csv",
+    ".json",
+    ".oem",
+    ".opm",
+    ".aem",
+    ".txt",
+)  # suffixes of files that are read
 MOST_UPLOAD_BYTES = 64 * 2**20
 
 
@@ -46,6 +56,8 @@ def _read(path: Path) -> str:
         return f"{len(read_element_sets(path)):,} element sets"
     if path.suffix == ".oem":
         return f"ephemeris of {', '.join(list_ephemeris_objects(str(path)))}"
+    if path.suffix == ".opm":
+        return f"state of {OrbitParameterMessage.from_file(path).object_name or path.stem}"
     content = read_bytes(path, MOST_BYTES, ScenarioError)
     try:
         text = content.decode("utf-8-sig")

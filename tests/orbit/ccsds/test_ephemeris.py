@@ -473,3 +473,18 @@ def test_positions_of_another_unit_are_refused(tmp_path, factor, says):
     with pytest.raises(ScenarioError, match=says) as refused:
         read_arcs(*find_table(saved(tmp_path, HEAD + segment(rows))), None)
     assert str(refused.value).endswith(", where nothing orbits it; correct their unit")
+
+
+@pytest.mark.parametrize("axes", ["mod", "tod", "teme"])
+def test_axes_of_date_of_one_epoch_do_not_turn(axes, tmp_path):
+    """So interpolation is as good as in GCRS axes, where axes of each row's date are off by up to 0.1 mm/s."""
+    epochs = Epochs(START, np.arange(0.0, 3600.0, 60.0))
+    fixed = START + datetime.timedelta(days=-40, seconds=1.5)
+    path = write_oem(tmp_path / "a.oem", "A", "1", epochs, LOW.states(epochs), axes=axes, frame_epoch_utc=fixed)
+    assert "REF_FRAME_EPOCH = 2024-08-08T12:00:01.500" in path.read_text()
+    between = Epochs(START, np.arange(10.0, 3500.0, 37.0))
+    states, expected = Ephemeris(file=str(path)).states(between), LOW.states(between)
+    np.testing.assert_allclose(states.position_m, expected.position_m, rtol=0, atol=2e-5)
+    np.testing.assert_allclose(states.velocity_m_s, expected.velocity_m_s, rtol=0, atol=1e-7)
+    with pytest.raises(ScenarioError, match="frame_epoch_utc: 'itrs' are no axes of date; use 'mod'"):
+        write_oem(tmp_path / "b.oem", "A", "1", epochs, LOW.states(epochs), axes="itrs", frame_epoch_utc=fixed)

@@ -300,8 +300,8 @@ def test_each_type_is_told_where_none_is_known():
     with pytest.raises(ScenarioError) as error:
         rl.Scenario.loads(scenario_text('{ type = "warp" }'))
     known = set(re.findall(r"\w+", str(error.value).partition("(known: ")[2]))
-    assert {kind(text) for text in MOTIONS.values()} | {"fmu", "lunar_kepler", "lunar_state"} == known
+    assert {kind(text) for text in MOTIONS.values()} | {"fmu", "lunar_kepler", "lunar_state", "spice"} == known
     with pytest.raises(ScenarioError) as error:
         rl.Scenario.loads(scenario_text(HILL, '{ type = "warp" }'))
     known = set(re.findall(r"\w+", str(error.value).partition("(known: ")[2]))
-    assert {kind(text) for text in ATTITUDES.values()} | {"fmu"} == known
+    assert {kind(text) for text in ATTITUDES.values()} | {"fmu", "spice"} == known

@@ -13,6 +13,7 @@ import numpy as np
 from rso_lidar import orbit
 from rso_lidar.detector import ReportWords
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, suppress_warnings, warn
+from rso_lidar.evaluation.orbit_determination.tracking_data import save_tracking_data
 from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
 from rso_lidar.export import (
     Frames,
@@ -52,7 +53,7 @@ def save(
 
     Other Parameters
     ----------------
-    options : of that format, such as ``viewpoint="tdrs"`` of pcd, ``target="tdrs"`` of tum, kitti, oem (a body; the
+    options : of that format, such as ``viewpoint="tdrs"`` of pcd, ``target="tdrs"`` of tum, kitti, tdm, oem (a body; the
         follower if left out) and aem (any axes), ``sensor="gyro"`` of csv and parquet (the truth if left out),
         ``frame_stride_bytes=66_960``, ``header_bytes``, ``frame_header_bytes`` and ``report`` (that of the scenario if left
         out) of raster
@@ -83,6 +84,9 @@ def save(
         raise RecordingError(f"{place.name}: a local world has no Earth to give positions about; write a .csv")
     if wanted.name == "czml":
         return _write_czml(place, frames, source, **options)
+    if wanted.name == "tdm":
+        some = frames if isinstance(frames, Frames) else frames[:] if isinstance(frames, Recording) else list(frames)
+        return save_tracking_data(place, some, folder=_find_folder(some), overwrite=overwrite, **options)
     write = {"oem": _write_oem, "aem": _write_aem}[wanted.name]
     return write(place, frames, source, **options)
 

@@ -1,0 +1,1 @@
+"""Kernels of NAIF's SPICE toolkit (SPK, CK, FK, SCLK): read as motion and attitude, and written."""
