@@ -16,9 +16,10 @@ from rso_lidar import units
 from rso_lidar.detector.curve_fit.curve_prediction import CurvePredictor
 from rso_lidar.detector.curve_fit.measured_curve import MeasuredCurve
 from rso_lidar.detector.curve_fit.measured_map import MeasuredMap, PixelConstant
-from rso_lidar.detector.curve_fit.pixel_response import PixelResponse, simulate_response
+from rso_lidar.detector.curve_fit.pixel_response import PixelResponse, simulate_response, take_nominal_pixel
 from rso_lidar.detector.curve_fit.pixel_thresholds import fit_thresholds
 from rso_lidar.detector.curve_fit.scale_check import check_scale
+from rso_lidar.detector.detection import AnyDetector
 from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.errors import ScenarioError
