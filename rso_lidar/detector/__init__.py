@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.curve_fit.constant_fit import ConstantFit, FittedConstant, FittedCurve, fit_constants
     from rso_lidar.detector.curve_fit.free_constants import get_constant
     from rso_lidar.detector.curve_fit.map_fit import FittedMap, MapFit, MapGroup, fit_maps
+    from rso_lidar.detector.curve_fit.map_settings import set_maps
     from rso_lidar.detector.curve_fit.measured_curve import (
         CURVE_QUANTITIES,
         WAVEFORM_QUANTITIES,
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
         MeasuredCurve,
     )
     from rso_lidar.detector.curve_fit.measured_map import MapQuantity, MeasuredMap, PixelConstant
-    from rso_lidar.detector.curve_fit.waveform_shots import MeanPulse, ShotList, merge_points, reduce_shots
+    from rso_lidar.detector.curve_fit.waveform_shots import MeanPulse, ShotList, merge_points, reduce_shots, shape_pulse
     from rso_lidar.detector.detection import (
         AnyDetector,
         DescribedDetector,
@@ -194,6 +195,8 @@ __all__ = [
     "reduce_shots",
     "report_probability",
     "run_trial",
+    "set_maps",
+    "shape_pulse",
     "simulate_light_curve",
     "simulate_long_traces",
     "simulate_separations",

@@ -28,6 +28,7 @@ SPANNING = {
     "detector/chain/test_addressed_noise.py",
     "detector/chain/test_frame_noise.py",
     "detector/chain/test_several_rows.py",
+    "evaluation/camera_calibration/test_map_calibration.py",
     "detector/chain/test_values.py",
     "export/formats/test_sensor_exports.py",
     "fmi/test_commanded_fmus.py",

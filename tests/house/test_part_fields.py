@@ -30,6 +30,8 @@ NO_SUFFIX = {  # name: why it needs none
     "photons": "in the unit that photons_per_unit states",
     "photons_per_unit": "a ratio, to the unit of the column",
     "systematic": "in the unit of the column",
+    "scatter": "in the unit of the column",
+    "counts_per_unit": "a ratio, to the unit of the column",
     "threshold": "in the unit that electrons_per_unit states",
     "trials": "a number of trials, or a time of several pixels",
     "value": "in the unit of the field that it is of",

@@ -219,9 +219,9 @@ def _list_array(gsfl: Gsfl, n_pixels: int) -> Iterator[CameraFigure]:
         )
     pixels = draw_camera_pixels(gsfl, n_pixels)
     operable = 1.0 - float((pixels.dead | pixels.hot).mean())
-    formula = (
-        f"share of {n_pixels:,} pixels that are neither dead nor hot, in the map of camera_seed {gsfl.camera_seed}"
-    )
+    is_measured = gsfl.maps is not None and gsfl.maps.file is not None
+    origin = "measured maps" if is_measured else f"map of camera_seed {gsfl.camera_seed}"
+    formula = f"share of {n_pixels:,} pixels that are neither dead nor hot, in the {origin}"
     yield CameraFigure("operability_fraction", "operability", operable, "", "map of defects", formula=formula)
 
 

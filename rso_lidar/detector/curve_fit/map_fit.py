@@ -16,9 +16,10 @@ from rso_lidar import units
 from rso_lidar.detector.curve_fit.curve_prediction import CurvePredictor
 from rso_lidar.detector.curve_fit.measured_curve import MeasuredCurve
 from rso_lidar.detector.curve_fit.measured_map import MeasuredMap, PixelConstant
-from rso_lidar.detector.curve_fit.pixel_response import PixelResponse, simulate_response
+from rso_lidar.detector.curve_fit.pixel_response import PixelResponse, simulate_response, take_nominal_pixel
 from rso_lidar.detector.curve_fit.pixel_thresholds import fit_thresholds
 from rso_lidar.detector.curve_fit.scale_check import check_scale
+from rso_lidar.detector.detection import AnyDetector
 from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.errors import ScenarioError
@@ -118,7 +119,9 @@ class MapFit:
         return [group for group in self.groups if group.p_value * len(self.groups) < _REJECTED_BELOW]
 
 
-def fit_maps(detector: Gsfl, pulse: LaserPulse, maps: Sequence[MeasuredMap], names: Sequence[PixelConstant]) -> MapFit:
+def fit_maps(
+    detector: AnyDetector, pulse: LaserPulse, maps: Sequence[MeasuredMap], names: Sequence[PixelConstant]
+) -> MapFit:
     """Fit constants of each pixel to measured maps.
 
     Parameters
@@ -139,7 +142,7 @@ def fit_maps(detector: Gsfl, pulse: LaserPulse, maps: Sequence[MeasuredMap], nam
     """
     _check_names(maps, names)
     predictor = CurvePredictor(pulse)
-    nominal = detector.replace(maps=None, defects=None, trigger=detector.trigger.replace(threshold_spread_fraction=0.0))
+    nominal = take_nominal_pixel(detector, "map")
     dead = _find_dead(nominal, predictor, maps)
     pooled = [measured.pool() for measured in maps]
     for curve in pooled:
@@ -175,11 +178,18 @@ def fit_maps(detector: Gsfl, pulse: LaserPulse, maps: Sequence[MeasuredMap], nam
     hot = np.zeros(shape, bool)
     if rates:
         gain_error = float(np.nanmedian(errors["gain_factor"])) if "gain_factor" in errors else 0.0
-        told = fit_thresholds(nominal, predictor, [maps[k] for k in rates], ~dead, gain, gain_error)
-        values["threshold_factor"], errors["threshold_factor"], hot = told.factor, told.error, told.hot
+        thresholds = fit_thresholds(nominal, predictor, [maps[k] for k in rates], ~dead, gain, gain_error)
+        values["threshold_factor"], errors["threshold_factor"], hot = (
+            thresholds.factor,
+            thresholds.error,
+            thresholds.hot,
+        )
         if hot.any():
-            values["dark_current_na"], errors["dark_current_na"] = told.dark_current_na, told.dark_current_error_na
-        expected |= dict(zip(rates, told.expected, strict=True))
+            values["dark_current_na"], errors["dark_current_na"] = (
+                thresholds.dark_current_na,
+                thresholds.dark_current_error_na,
+            )
+        expected |= dict(zip(rates, thresholds.expected, strict=True))
     groups = _judge(maps, expected, dead, errors, responses, pooled, nominal, predictor)
     return MapFit(values, errors, dead, hot, groups)
 

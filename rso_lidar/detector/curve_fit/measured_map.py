@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -11,9 +11,7 @@ from rso_lidar.detector.curve_fit.measured_curve import MeasuredCurve
 from rso_lidar.errors import ScenarioError
 
 MapQuantity = Literal["counts_mean", "range_mean", "detection_rate", "dark_counts"]
-MAP_QUANTITIES: tuple[str, ...] = get_args(MapQuantity)
 PixelConstant = Literal["gain", "offset", "t0", "threshold"]
-PIXEL_CONSTANTS: tuple[str, ...] = get_args(PixelConstant)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,10 @@ from rso_lidar.detector.bench.trial import NEAR_M, make_plate
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.curve_fit.measured_curve import LevelStatistics, summarise_reports
+from rso_lidar.detector.detection import AnyDetector
 from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.errors import ScenarioError
 
 _PIXELS = 8192  # of a trial
 _GAIN_STEP = 0.1  # to each side: a usual spread
@@ -44,6 +46,29 @@ class PixelResponse:
     range_by_offset_m: float
 
 
+def take_chain(detector: AnyDetector, what: str) -> Gsfl:
+    """Return a detector that is the full chain; another one is refused.
+
+    Parameters
+    ----------
+    what : that needs the chain, for the message
+    """
+    if not isinstance(detector, Gsfl):
+        raise ScenarioError(f'{what}: needs the full chain; set lidar.detector.type = "gsfl"')
+    return detector
+
+
+def take_nominal_pixel(detector: AnyDetector, what: str) -> Gsfl:
+    """Return the full chain with pixels that are all nominal.
+
+    Parameters
+    ----------
+    what : that needs the chain, for the message
+    """
+    chain = take_chain(detector, what)
+    return chain.replace(maps=None, defects=None, trigger=chain.trigger.replace(threshold_spread_fraction=0.0))
+
+
 def simulate_response(detector: Gsfl, pulse: LaserPulse, photons: float, range_m: float) -> PixelResponse:
     """Simulate the reports of a pixel at one level of light, and their slopes.
 
@@ -54,9 +79,7 @@ def simulate_response(detector: Gsfl, pulse: LaserPulse, photons: float, range_m
     photons : expected on the pixel
     range_m : least range of the plate, which is spread over a metre [m]
     """
-    nominal = detector.alone().replace(
-        maps=None, defects=None, trigger=detector.trigger.replace(threshold_spread_fraction=0.0)
-    )
+    nominal = take_nominal_pixel(detector.alone(), "map")
     steps = [(1.0, 0.0), (1.0 + _GAIN_STEP, 0.0), (1.0 - _GAIN_STEP, 0.0)]
     steps += [(1.0, _OFFSET_STEP_COUNTS), (1.0, -_OFFSET_STEP_COUNTS)]
     rest, *sides = (_run(nominal, pulse, photons, range_m, *step) for step in steps)

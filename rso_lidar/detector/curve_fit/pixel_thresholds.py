@@ -318,8 +318,8 @@ def _find_hot(
 
     low, middle, high = np.nanquantile(np.where(np.isfinite(error), factor, np.nan), [0.25, 0.5, 0.75])
     spread = max(float(high - low) / 1.349, _LEAST_SPREAD)
-    told = np.where(np.isfinite(error), factor - _HOT_SIGMAS * np.nan_to_num(error), 0.0)
-    lowest = np.maximum(told, middle - _SPREADS * spread) * np.exp(shifts.mean())
+    least = np.where(np.isfinite(error), factor - _HOT_SIGMAS * np.nan_to_num(error), 0.0)
+    lowest = np.maximum(least, middle - _SPREADS * spread) * np.exp(shifts.mean())
     rate = _rate(nominal, lowest, nominal.apd.dark_current_na)
     count = sum(measured.value[live] for measured in maps)
     armed_s = sum(measured.trials[live] for measured in maps)

@@ -14,6 +14,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.curve_fit.measured_curve import MeasuredCurve, WaveformQuantity
+from rso_lidar.detector.curve_fit.pixel_response import take_chain
+from rso_lidar.detector.detection import AnyDetector
 from rso_lidar.detector.ranging.pulse import LaserPulse, Pulse
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.errors import ScenarioError
@@ -71,7 +73,7 @@ class MeanPulse:
 
 
 def reduce_shots(
-    shots: Sequence[ShotList], detector: Gsfl, pulse: LaserPulse
+    shots: Sequence[ShotList], detector: AnyDetector, pulse: LaserPulse
 ) -> tuple[list[MeasuredCurve], list[MeanPulse]]:
     """Reduce shots to points of curves with standard errors, and to the mean pulses that a report draws.
 
@@ -90,6 +92,7 @@ def reduce_shots(
     ScenarioError
         If there are too few shots, or a pulse is cut by the ends of the shots.
     """
+    chain = take_chain(detector, "waveform")
     for each in shots:
         n = len(each.samples_counts)
         if n < _FEWEST_SHOTS:
@@ -99,7 +102,7 @@ def reduce_shots(
             )
     curves: list[MeasuredCurve] = []
     dark = [each for each in shots if each.photons == 0.0]
-    baseline, baseline_error = detector.readout.baseline_counts, 0.0
+    baseline, baseline_error = chain.readout.baseline_counts, 0.0
     for each in dark:
         curves += _reduce_dark(each)
     if dark:
@@ -108,7 +111,7 @@ def reduce_shots(
     pulses: list[MeanPulse] = []
     for each in shots:
         if each.photons > 0.0:
-            more, mean = _reduce_light(each, baseline, baseline_error, detector, pulse)
+            more, mean = _reduce_light(each, baseline, baseline_error, chain, pulse)
             curves += more
             pulses += mean
     return curves, pulses
@@ -209,6 +212,26 @@ def _find_least(sums: np.ndarray) -> float:
     """Return the place on `_FINE` of the least of sums of squares, by a parabola of least squares."""
     bend, slope, _ = np.polyfit(_FINE, sums, 2)
     return float(np.clip(-0.5 * slope / bend, -3.0, 3.0)) if bend > 0.0 else float(_FINE[sums.argmin()])
+
+
+def shape_pulse(detector: AnyDetector, pulse: LaserPulse) -> Pulse:
+    """Return the pulse of one return behind the amplifier of a detector.
+
+    Parameters
+    ----------
+    detector : the full chain; another detector is refused
+    pulse : the laser's pulse
+
+    Returns
+    -------
+    Pulse
+
+    Raises
+    ------
+    ScenarioError
+        For a detector that stores no waveforms.
+    """
+    return _make_pulse(take_chain(detector, "waveform"), pulse, 1.0)
 
 
 def _make_pulse(detector: Gsfl, pulse: LaserPulse, bandwidth: float) -> Pulse:

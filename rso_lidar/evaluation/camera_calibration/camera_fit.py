@@ -9,7 +9,6 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,10 +17,8 @@ from rso_lidar.detector import (
     AnyDetector,
     ConstantFit,
     FittedCurve,
-    Gsfl,
     MapFit,
     MapGroup,
-    Maps,
     MeanPulse,
     MeasuredCurve,
     PixelMaps,
@@ -31,10 +28,11 @@ from rso_lidar.detector import (
     list_assumed_settings,
     merge_points,
     reduce_shots,
+    set_maps,
 )
 from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.evaluation.camera_calibration.curves_file import CurvesFile
-from rso_lidar.evaluation.camera_calibration.measured_maps import read_maps, read_shots
+from rso_lidar.evaluation.camera_calibration.map_tables import read_maps, read_shots
 from rso_lidar.evaluation.camera_calibration.measured_tables import Tables, read_curves
 from rso_lidar.files import align_columns, check_writable, write_text
 from rso_lidar.part import dump_part, python_objects
@@ -43,7 +41,6 @@ from rso_lidar.scenario import AssumedSetting, CalibratedConstant, Calibration, 
 _LIBRARIES = ("numpy", "scipy", "numba")
 _FAR = 3.0  # standard errors from which a point is named
 _MOST_NAMED = 3  # points of a curve
-_MOST_SPREAD = 0.3  # of gains and thresholds, that settings allow
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,29 +215,15 @@ class CameraFit:
     def build_detector(self, maps_file: str | None = None) -> AnyDetector:
         """Return the fitted detector, with its maps by the name of their file.
 
-        The spreads of its settings are those of the maps, for closed forms that take no maps.
-
         Parameters
         ----------
         maps_file : name of the file of maps
         """
-        maps, detector = self.pixel_maps, self.fit.detector
-        if maps is None or not isinstance(detector, Gsfl):
-            return detector
-        changes: dict[str, Any] = {"file": maps_file}
-        changes |= dict.fromkeys(("gain_spread_fraction", "offset_spread_counts", "t0_spread_ns"), 0.0)
-        for key, name, most in (
-            ("gain_spread_fraction", "gain_factor", _MOST_SPREAD),
-            ("offset_spread_counts", "offset_counts", np.inf),
-            ("t0_spread_ns", "t0_ns", np.inf),
-        ):
-            if name in maps.maps:
-                changes[key] = min(maps.spread(name), most)
-        trigger = detector.trigger
-        key = "threshold_spread_fraction"
-        if "threshold_factor" in maps.maps and f"trigger.{key}" not in self.file.constants:
-            trigger = trigger.replace(**{key: min(maps.spread("threshold_factor"), _MOST_SPREAD)})
-        return detector.replace(maps=(detector.maps or Maps()).replace(**changes), trigger=trigger, defects=None)
+        maps = self.pixel_maps
+        if maps is None:
+            return self.fit.detector
+        keeps = "trigger.threshold_spread_fraction" in self.file.constants
+        return set_maps(self.fit.detector, maps, maps_file, keep_threshold_spread=keeps)
 
     def list_map_rows(self) -> list[list[tuple[str, ...]]]:
         """Return the rows of two tables, each with its heading: the fitted maps, and the measured ones beside them."""
@@ -344,17 +327,13 @@ def fit_camera(lidar: Lidar, file: CurvesFile, *, on_round: Callable[[int], None
     with add_place(file.where):
         pulses: list[MeanPulse] = []
         for table, shots in zip(file.waveform, read_shots(file, tables), strict=True):
-            points, means = reduce_shots(shots, _get_chain(lidar, "waveform"), lidar.pulse)
+            points, means = reduce_shots(shots, lidar.detector, lidar.pulse)
             merged = merge_points(points, table.label)
             curves, pulses = curves + merged, pulses + means
             names += [table.file] * len(merged)
         fit = _fit_curves(lidar, file, curves, on_round)
         lidar.replace(detector=fit.detector)  # which refuses a detector that noise alone would trigger
-        fitted = (
-            fit_maps(_get_chain(lidar.replace(detector=fit.detector), "map"), lidar.pulse, maps, file.pixel_constants)
-            if maps
-            else None
-        )
+        fitted = fit_maps(fit.detector, lidar.pulse, maps, file.pixel_constants) if maps else None
     date_utc = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     hashes = tuple(tables.sha256(name) for name in names)
     map_hashes = tuple(tables.sha256(table.file) for table in file.map)
@@ -377,13 +356,6 @@ def _fit_curves(
         photons_error_fraction=file.photons_error_fraction,
         on_round=on_round,
     )
-
-
-def _get_chain(lidar: Lidar, what: str) -> Gsfl:
-    """Return the detector of a lidar, which maps and waveforms need to be the full chain."""
-    if not isinstance(lidar.detector, Gsfl):
-        raise ScenarioError(f'{what}: needs the full chain; set lidar.detector.type = "gsfl"')
-    return lidar.detector
 
 
 def _list_maps(maps: MapFit) -> list[tuple[str, ...]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.detector import WAVEFORM_QUANTITIES, FittedCurve, Gsfl, MeanPulse, Pulse
+from rso_lidar.detector import WAVEFORM_QUANTITIES, FittedCurve, MeanPulse, Pulse, shape_pulse
 from rso_lidar.evaluation.camera_calibration.camera_fit import CameraFit
 from rso_lidar.evaluation.camera_calibration.map_figures import draw_map_fit, draw_pixel_maps
 from rso_lidar.files import check_writable, write_text
@@ -72,9 +72,7 @@ def _draw_pulses(above: Axes, below: Axes, camera: CameraFit) -> None:
     """Draw the mean pulses of the shots over that of the fitted detector."""
     pulse = camera.lidar.pulse
     for style, detector in (((0, (4, 2)), camera.lidar.detector), ("-", camera.fit.detector)):
-        assert isinstance(detector, Gsfl)  # of waveforms
-        amplifier = detector.amplifier
-        shape = Pulse.after(pulse.step_s, pulse.power_per_s, amplifier.pole_s, amplifier.integration_s)
+        shape = shape_pulse(detector, pulse)
         time_s = np.linspace(*_find_span(camera), 400)
         last = style == "-"
         above.plot(

@@ -5,7 +5,7 @@ from scipy.io import savemat
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.evaluation import CurvesFile
-from rso_lidar.evaluation.camera_calibration.measured_maps import read_maps, read_shots
+from rso_lidar.evaluation.camera_calibration.map_tables import read_maps, read_shots
 from rso_lidar.evaluation.camera_calibration.measured_tables import Tables
 from rso_lidar.scenario import Scenario
 from tests.evaluation.camera_calibration.map_bench_for_tests import MAPS, SHAPE, SHOTS, make_maps, write_map_bench
