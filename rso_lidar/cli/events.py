@@ -27,10 +27,10 @@ from rso_lidar.study import Events, ViewedPlate, event_scenario_text
 from rso_lidar.study import events as find
 
 _ARGUMENTS = ("when", "start", "days", "min_duration", "target_size", "reflectance")  # which are options too
-_NAMING = 5  # columns that identify an event
+_NAMING = 6  # columns that identify an event
 # Columns in order of importance, for what is too narrow for all of them.
 _TELLING = (
-    *("#", "object", "begin, UTC", "length, s", "event", "nearest, km", "lit, %", "follower", "phase, deg"),
+    *("#", "follower", "object", "begin, UTC", "length, s", "event", "nearest, km", "lit, %", "phase, deg"),
     *("end, UTC", "farthest, km", "Sun, deg", "speed, m/s", "nearest, UTC"),
 )
 
