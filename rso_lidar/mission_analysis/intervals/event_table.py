@@ -19,10 +19,12 @@ from rso_lidar.mission_analysis.intervals.calendar_text import CalendarEntry, wr
 from rso_lidar.mission_analysis.intervals.gantt_figure import gantt_figure
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
 from rso_lidar.orbit import ElementSet, GroundStation
-from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, save_figure
+from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, figures, save_figure
 from rso_lidar.records import BodyState
 from rso_lidar.scenario import Lidar
 from rso_lidar.units import format_count
+
+_PAIR_LETTERS, _EVENT_LETTERS = 28, 14  # of the name of a line of the picture
 
 
 @dataclass(frozen=True)
@@ -192,23 +194,21 @@ class Events:
 
     def figure(self) -> Any:
         """Return the figure: a bar over time for each event, a line for each expression and pair."""
-        lines: dict[str, list[tuple[float, float]]] = {}
-        colours: dict[str, int] = {}
+        lines: list[tuple[str, list[tuple[float, float]], int]] = []
         names = list(self.expressions)
-        pairs = dict.fromkeys((row.follower_label, row.label) for row in self.rows)
-        for pair in pairs:
+        for pair in dict.fromkeys((row.follower_label, row.label) for row in self.rows):
+            whom = pair[1] if self.follower is not None else f"{pair[0]}, {pair[1]}"
             for number, name in enumerate(names):
-                label = pair[1] if self.follower is not None else f"{pair[0]}, {pair[1]}"
-                label = name if self._is_pair else label if len(names) == 1 else f"{label}: {name}"
                 spans = [
                     (row.from_s, row.to_s)
                     for row in self.rows
                     if (row.follower_label, row.label) == pair and row.event == name
                 ]
-                lines[label], colours[label] = spans, number
+                several = f"{figures.shorten(whom, _PAIR_LETTERS)}: {figures.shorten(name, _EVENT_LETTERS)}"
+                lines.append((name if self._is_pair else whom if len(names) == 1 else several, spans, number))
         start = np.datetime64(self.start_utc.astimezone(datetime.UTC).replace(tzinfo=None), "ms")
         what = "; ".join(f"{name}: {text}" if name != text else text for name, text in self.expressions.items())
-        return gantt_figure(lines, colours, start, self.days * units.DAY_S, f"Events of {self._who}", what)
+        return gantt_figure(lines, start, self.days * units.DAY_S, f"Events of {self._who}", what)
 
     def save(self, path: str | Path, *, overwrite: bool = False, scheme: Scheme = LIGHT) -> Path:
         """Write the events as CSV, JSON, iCalendar or a picture, by the suffix.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,8 +19,7 @@ _NAME_LETTERS, _NOTE_LETTERS = 44, 140
 
 
 def gantt_figure(
-    lines: Mapping[str, Sequence[tuple[float, float]]],
-    colours: Mapping[str, int],
+    lines: Sequence[tuple[str, Sequence[tuple[float, float]], int]],
     start_utc: np.datetime64,
     duration_s: float,
     title: str,
@@ -30,24 +29,23 @@ def gantt_figure(
 
     Parameters
     ----------
-    lines : spans [s since the start] by the name of their line
-    colours : number of the colour of each line
+    lines : name, spans [s since the start] and number of the colour of each line
     start_utc, duration_s : span of the time axis
     note : below the title
     """
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 
-    shown = dict(list(lines.items())[:_MOST])
+    shown = lines[:_MOST]
     figure = figures.new_figure(10.5, 2.6 + _LINE_IN * max(len(shown), 1), title, figures.shorten(note, _NOTE_LETTERS))
     axes = figure.subplots()
     begin = float(date2num(start_utc))  # type: ignore[no-untyped-call]
     days = duration_s / 86400.0
-    for row, (name, spans) in enumerate(shown.items()):
+    for row, (_, spans, colour) in enumerate(shown):
         bars = [(begin + from_s / 86400.0, max((to_s - from_s) / 86400.0, _LEAST * days)) for from_s, to_s in spans]
-        axes.broken_barh(bars, (row - 0.36, 0.72), facecolors=figures.colour_of(colours[name])[0], lw=0)
+        axes.broken_barh(bars, (row - 0.36, 0.72), facecolors=figures.colour_of(colour)[0], lw=0)
     axes.set_axisbelow(True)  # the grid, below the bars
     axes.set_ylim(max(len(shown), 1) - 0.4, -0.6)
-    axes.set_yticks(range(len(shown)), [figures.shorten(name, _NAME_LETTERS) for name in shown])
+    axes.set_yticks(range(len(shown)), [figures.shorten(name, _NAME_LETTERS) for name, *_ in shown])
     axes.set_xlim(begin, begin + days)
     locator = AutoDateLocator()  # type: ignore[no-untyped-call]
     axes.xaxis.set_major_locator(locator)
