@@ -168,12 +168,7 @@ def _list_gsfl(gsfl: Gsfl, pulse: LaserPulse, wavelength_m: float) -> list[Camer
 
 
 def _list_coupling(gsfl: Gsfl, threshold_photons: float) -> Iterator[CameraFigure]:
-    """Yield the crosstalk in amplitude by distance, and the light in one pixel that triggers the next one in the dark.
-
-    Parameters
-    ----------
-    threshold_photons : of a pixel, at the peak of its pulse; NaN under a gate
-    """
+    """Yield the crosstalk in amplitude by distance, and the light in one pixel that triggers its neighbour in the dark."""
     coupled = gsfl.amplitude_crosstalk
     if coupled is None:
         return

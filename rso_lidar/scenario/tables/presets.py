@@ -56,13 +56,7 @@ def load_preset_file(name: str, folder: Path | None = None) -> dict[str, Any]:
 
 
 def _place_files(tables: dict[str, Any], named: Path, folder: Path) -> dict[str, Any]:
-    """Return the tables of a preset with the files that stand beside it by their paths from the scenario.
-
-    Parameters
-    ----------
-    named : folder of the preset as the scenario names it
-    folder : the same as it was found
-    """
+    """Return the tables of a preset; files that stand beside it, in `folder`, get the folder that the scenario names."""
     result: dict[str, Any] = {}
     for key, value in tables.items():
         if isinstance(value, dict):
