@@ -35,7 +35,12 @@ def recording(flown, tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "suffix", [suffix for suffix, kind in FORMAT_SUFFIXES.items() if not kind.folder and not kind.extra]
+    "suffix",
+    [
+        suffix
+        for suffix, kind in FORMAT_SUFFIXES.items()
+        if not kind.folder and not kind.extra and suffix != ".tdm"  # it needs a target that is whole in the field
+    ],
 )
 def test_save_and_export_write_the_same(rso_lidar, flown, recording, tmp_path, suffix):
     """From frames in memory, from a recording, and by the command: but for the time of writing, byte for byte."""

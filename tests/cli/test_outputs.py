@@ -19,6 +19,8 @@ READS = [
     ("check", "files"),
     ("score", "dataset"),
     ("fit", "data"),
+    ("fit", "own"),
+    ("waveforms", "data"),
     ("parameters", "requirements"),
     *(("serve", name) for name in ("token_file", "curve_key", "curve_clients")),
 ]

@@ -1,7 +1,8 @@
 """Units of parameters in SysML v2: quantity types of ISQ, and measurement units of SI.
 
 Units that the library SI of SysML v2 (release 2026-06, `SI.sysml`) lacks are declared with a prefix or a factor, as it
-declares its own. Counts of pixels, photons or electrons have the dimension one; their unit stands in the documentation.
+declares its own. Counts of pixels, photons or electrons, and levels in dB, have the dimension one; their unit stands in the
+documentation.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ class UnitNotation(NamedTuple):
 
 UNITS = {
     "1": UnitNotation("Real", ""),
+    "dB": UnitNotation("Real", ""),
     "m": UnitNotation("LengthValue", "m"),
     "km": UnitNotation("LengthValue", "km"),
     "mm": UnitNotation("LengthValue", "mm"),
