@@ -50,6 +50,7 @@ def test_and_binds_more_than_or_and_not_most():
         ("range < 50deg", "has the unknown unit 'deg'"),
         ("range < near", "'near' is not a number"),
         ("range < 1.2.3m", "is not a number"),
+        ("range < 1e999m", "is not a number"),
         ("rnage < 5m", "did you mean 'range'"),
         ("lit < 3", "is not compared"),
         ("lit lit", "is one too many; join conditions by and, or"),
