@@ -104,7 +104,9 @@ class OverBuffer:
 @pytest.mark.parametrize("more", [OverBuffer(), np.array([None]), np.zeros(1, [("a", "O")])])
 def test_a_pickle_cannot_make_arrays_of_addresses(tmp_path, more):
     path = write_pickles(tmp_path / "pixell_bfc_ftrr.zip", [{**make_flash(0), "more": more}])
-    with pytest.raises(ScenarioError, match=r"cannot be read: (calls numpy\.ndarray|has an array of .*neither numbers)"):
+    with pytest.raises(
+        ScenarioError, match=r"cannot be read: (calls numpy\.ndarray|has an array of .*neither numbers)"
+    ):
         list(read_pixset(path))
 
 
