@@ -49,7 +49,7 @@ class _Function(tuple[Callable[..., Any]]):
 
 def _make_type(description: Any, *options: Any) -> np.dtype[Any]:
     """Return a type of numbers or text. Elements of another type can hold addresses that the pickle chooses."""
-    kind = np.dtype(description, *options)
+    kind: np.dtype[Any] = np.dtype(description, *options)
     if kind.kind not in "biufcSU":
         raise pickle.UnpicklingError(f"has an array of {kind}, which is neither numbers nor text")
     return kind
@@ -61,7 +61,8 @@ def _refuse_call(*_: Any) -> None:
 
 
 # What a pickle may name: arrays and numbers of NumPy, in the words of its versions 1 and 2.
-_ARRAY, _NUMBER = np.empty(0).__reduce__()[0], np.float64(0.0).__reduce__()[0]
+_ARRAY: Any = np.empty(0).__reduce__()[0]
+_NUMBER: Any = np.float64(0.0).__reduce__()[0]
 _BUFFER: Any = np.empty(1).__reduce_ex__(5)[0]
 _ALLOWED: Mapping[tuple[str, str], Any] = {
     ("numpy", "ndarray"): _Function((_refuse_call,)),  # stands as the first argument of `_reconstruct` alone
