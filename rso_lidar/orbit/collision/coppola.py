@@ -60,6 +60,10 @@ def integrate_collisions(
     radius_m : combined hard-body radius, the sum of both objects' [m]
     window_s : time searched on each side of the states' instant [s]; None as for `sample_collisions`
 
+    Returns
+    -------
+    IntegratedProbability
+
     Raises
     ------
     ScenarioError
