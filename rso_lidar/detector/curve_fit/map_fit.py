@@ -208,7 +208,8 @@ def _keep_within(name: str, values: np.ndarray) -> np.ndarray:
             f"map: {name} of {int(beyond.sum()):,} of {values.size:,} pixels is beyond {low:g} to {high:g}, first pixel "
             f"({row}, {col}) with {values[row, col]:.3g}; they are set to the limit: check whether they are alive"
         )
-    return np.clip(values, low, high)
+    kept: np.ndarray = np.clip(values, low, high)
+    return kept
 
 
 def _check_names(maps: Sequence[MeasuredMap], names: Sequence[str]) -> None:
