@@ -17,6 +17,7 @@ from rso_lidar.cli.arguments import (
 )
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
+from rso_lidar.detector import MAPS_SUFFIX
 from rso_lidar.evaluation import FIT_REPORT_SUFFIXES, CurvesFile, fit_camera, save_fit_report
 from rso_lidar.files import check_writable
 
@@ -45,8 +46,12 @@ def fit(
     places = [check_writable(place, known, overwrite=overwrite) for place in output or ()]
     scheme = choose_scheme(dark, places)
     lidar = load_instrument(camera, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
+    curves = CurvesFile.load(data)
+    for place in places:
+        if place.suffix.lower() == _PRESET_SUFFIX and curves.pixel_constants:  # before the fit, as for the other files
+            check_writable(place.with_suffix(MAPS_SUFFIX), overwrite=overwrite)
     with announce_compiling():
-        fitted = fit_camera(lidar, CurvesFile.load(data))
+        fitted = fit_camera(lidar, curves)
     reports = [place for place in places if place.suffix.lower() != _PRESET_SUFFIX]
     for place in reports:
         save_fit_report(fitted, place, overwrite=overwrite, scheme=scheme)

@@ -25,7 +25,7 @@ def conjunction(
         typer.Option(
             "--window",
             metavar="SECONDS",
-            help="Time that Monte Carlo searches on each side of the closest approach. Else 8 sigma, to half a revolution.",
+            help="Time searched on each side of the closest approach, but for Foster. Else 8 sigma, to half a revolution.",
         ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws, and of the scenario.")] = 0,

@@ -134,11 +134,9 @@ def events(
     start_utc = None if start is None else parse_instant("--start", start)
     stations = [_parse_station(text) for text in station or ()]
     instrument = {} if lidar is None else _load_instrument(lidar)
-    if keep_out is not None:
-        radius_m = parse_length_m("--keep-out", keep_out)
-        if not radius_m > 0.0:
-            raise ScenarioError(f"--keep-out {keep_out}: is not a radius; give more than 0")
-        instrument["constraints"] = (instrument.get("constraints") or Constraints()).replace(keep_out_m=radius_m)
+    keep_out_m = None if keep_out is None else parse_length_m("--keep-out", keep_out)
+    if keep_out_m is not None and not keep_out_m > 0.0:
+        raise ScenarioError(f"--keep-out {keep_out}: is not a radius; give more than 0")
     with name_options(*_ARGUMENTS):
         plate = ViewedPlate(None if target_size is None else parse_length_m("--target-size", target_size), reflectance)
         table = find(
@@ -148,6 +146,7 @@ def events(
             start_utc=start_utc,
             days=days,
             stations=stations,
+            keep_out_m=keep_out_m,
             min_duration_s=min_duration,
             limit=limit,
             plate=plate,

@@ -6,6 +6,7 @@ import pytest
 
 from rso_lidar.scenario import Lidar
 from tests.evaluation.camera_calibration.bench_for_tests import CURVES, make_table, write_bench
+from tests.evaluation.camera_calibration.map_bench_for_tests import write_map_bench
 
 
 @pytest.fixture
@@ -58,3 +59,15 @@ def test_an_output_that_exists_is_kept(call, tmp_path):
     status, _, lines = call("bench.toml", "--data", "curves.toml", "-o", "own.toml")
     assert status == 2 and "exists already" in lines[0]
     assert (tmp_path / "own.toml").read_text(encoding="utf-8") == "mine"
+
+
+def test_maps_that_exist_are_kept_and_nothing_is_written(rso_lidar, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_map_bench(tmp_path)
+    (tmp_path / "own.npz").write_bytes(b"mine")
+    status, said, lines = rso_lidar(
+        "camera", "fit", "bench.toml", "--data", "curves.toml", "-o", "own.toml", "-o", "own.html"
+    )
+    assert status == 2 and said == "" and "own.npz: exists already" in lines[0]
+    assert (tmp_path / "own.npz").read_bytes() == b"mine"
+    assert not (tmp_path / "own.toml").exists() and not (tmp_path / "own.html").exists()

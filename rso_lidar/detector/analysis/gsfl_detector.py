@@ -72,7 +72,7 @@ class BuiltGsfl(BuiltDetector):
             photons,
             reading,
             electrons_per_photon=gsfl.electrons_per_photon,
-            clip_electrons=gsfl.readout.clip_counts * gsfl.readout.electrons_per_count,
+            clip_electrons=gsfl.clip_electrons,
             rail_electrons=rail,
         )
 

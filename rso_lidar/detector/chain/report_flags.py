@@ -171,7 +171,8 @@ def label_flags(
     photons : expected light on every pixel
     reading : with the reported ranges
     electrons_per_photon : mean number of electrons after the APD for each photon
-    clip_electrons, rail_electrons : amplitude that clips in the converter, and in the amplifier; infinite without a rail
+    clip_electrons : amplitude from which a return is saturated
+    rail_electrons : amplitude that clips in the amplifier; infinite without a rail
     """
     pulse = flagger.locator.matched.pulse
     offset, factor = flagger.neighbours
@@ -196,10 +197,9 @@ def label_flags(
     variance_s2 = np.maximum(square_s2 * share - (mean_s * share) ** 2, 0.0)
     # Depths add to the variance of a pulse: so much wider it is, and so much lower, as if all were Gaussian.
     wider = np.sqrt(1.0 + variance_s2 * (8.0 * math.log(2.0) / pulse.fwhm_s**2))
-    clip = min(clip_electrons, rail_electrons)
     flags = {
         "crosstalk": coupled > own,
-        "saturated": total * per_photon / wider >= clip,
+        "saturated": total * per_photon / wider >= clip_electrons,
         "superimposed": wider > _WIDER,
     }
     shape = reading.range_m.shape

@@ -22,7 +22,8 @@ from rso_lidar.detector.curve_fit.scale_check import check_scale
 from rso_lidar.detector.detection import AnyDetector
 from rso_lidar.detector.ranging.pulse import LaserPulse
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.errors import ScenarioError
+from rso_lidar.detector.stages.pixel_maps import MAP_LIMITS
+from rso_lidar.errors import ScenarioError, warn
 
 _REJECTED_BELOW = 1e-3  # probability of a worse fit, as for curves
 _MOST_DEAD = 0.5  # of the array: more are a wrong file, not dead pixels
@@ -157,7 +158,10 @@ def fit_maps(
     if counts:
         is_free = ("gain" in names, "offset" in names)
         solved = _solve_counts([maps[k] for k in counts], [responses[k] for k in counts], ~dead, is_free)
-        gain, offset = 1.0 + solved.value[0], solved.value[1]
+        gain, offset = (
+            _keep_within("gain_factor", 1.0 + solved.value[0]),
+            _keep_within("offset_counts", solved.value[1]),
+        )
         expected |= dict(zip(counts, solved.expected, strict=True))
         for name, k, value in (("gain_factor", 0, gain), ("offset_counts", 1, offset)):
             if is_free[k]:
@@ -172,7 +176,7 @@ def fit_maps(
         solved = _solve_ranges(
             [maps[k] for k in ranges], [responses[k] for k in ranges], ~dead, "t0" in names, gain - 1.0, offset
         )
-        values["t0_ns"], errors["t0_ns"] = solved.value[0], solved.error[0]
+        values["t0_ns"], errors["t0_ns"] = _keep_within("t0_ns", solved.value[0]), solved.error[0]
         expected |= dict(zip(ranges, solved.expected, strict=True))
     rates = [k for k, measured in enumerate(maps) if measured.quantity in ("detection_rate", "dark_counts")]
     hot = np.zeros(shape, bool)
@@ -192,6 +196,20 @@ def fit_maps(
         expected |= dict(zip(rates, thresholds.expected, strict=True))
     groups = _judge(maps, expected, dead, errors, responses, pooled, nominal, predictor)
     return MapFit(values, errors, dead, hot, groups)
+
+
+def _keep_within(name: str, values: np.ndarray) -> np.ndarray:
+    """Return a map within the limits that a file of maps has, and warn of pixels that are beyond."""
+    low, high = MAP_LIMITS[name]
+    beyond = (values < low) | (values > high)
+    if beyond.any():
+        row, col = np.argwhere(beyond)[0]
+        warn(
+            f"map: {name} of {int(beyond.sum()):,} of {values.size:,} pixels is beyond {low:g} to {high:g}, first pixel "
+            f"({row}, {col}) with {values[row, col]:.3g}; they are set to the limit: check whether they are alive"
+        )
+    kept: np.ndarray = np.clip(values, low, high)
+    return kept
 
 
 def _check_names(maps: Sequence[MeasuredMap], names: Sequence[str]) -> None:

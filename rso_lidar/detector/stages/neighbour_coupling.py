@@ -129,7 +129,7 @@ def gather_light(crosstalk: AmplitudeCrosstalk, photons: Photons, least_photons:
     least_photons : fewer photons of the neighbours in a bin mark nothing
     most_photons : of a pixel in a bin that couple, where its amplifier has a rail
     """
-    if not len(photons.pixel):
+    if not (photons.photons > 0.0).any():
         return photons
     first_s = float(photons.delay_s.min())
     number = ((photons.delay_s - first_s) / photons.pulse_fwhm_s).astype(np.int64)

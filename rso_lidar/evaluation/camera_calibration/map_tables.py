@@ -154,7 +154,7 @@ def _place_pixels(
     if not inside.all():
         k = int(np.argmin(inside))
         raise ScenarioError(
-            f"{where}: line {k + 1} is of pixel ({row[k]:g}, {col[k]:g}), and the receiver has {shape[0]} x {shape[1]}; "
+            f"{where}: point {k + 1} is of pixel ({row[k]:g}, {col[k]:g}), and the receiver has {shape[0]} x {shape[1]}; "
             "count from 0, or set receiver.n_rows and n_cols"
         )
     place: np.ndarray = (row * shape[1] + col).astype(np.int64)

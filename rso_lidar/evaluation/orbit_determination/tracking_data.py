@@ -212,8 +212,11 @@ def fit_tracking_data(
     message = measured if isinstance(measured, TrackingDataMessage) else TrackingDataMessage.from_file(measured)
     time_s, line_m = message.find_positions(target, round_trip=round_trip)
     stated = message.select_target(target)
-    sigma_m = range_sigma_m or _find_sigma([each.sigma_range_m for each in stated])
-    sigma_rad = angle_sigma_rad or _find_sigma([each.sigma_angle_rad for each in stated])
+    for name, given in (("range_sigma_m", range_sigma_m), ("angle_sigma_rad", angle_sigma_rad)):
+        if given is not None and not 0.0 < given < np.inf:
+            raise ScenarioError(f"{name}: {given:g} is not a standard deviation; give more than 0, or leave it out")
+    sigma_m = _find_sigma([each.sigma_range_m for each in stated]) if range_sigma_m is None else range_sigma_m
+    sigma_rad = _find_sigma([each.sigma_angle_rad for each in stated]) if angle_sigma_rad is None else angle_sigma_rad
     if sigma_m is None or sigma_rad is None:
         what, option = ("ranges", "--range-noise") if sigma_m is None else ("angles", "--angle-noise")
         raise ScenarioError(f"{message.where}: does not state the noise of its {what}; give it ({option})")

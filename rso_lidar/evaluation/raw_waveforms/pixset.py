@@ -47,19 +47,33 @@ class _Function(tuple[Callable[..., Any]]):
         return self[0](*arguments)
 
 
+def _make_type(description: Any, *options: Any) -> np.dtype[Any]:
+    """Return a type of numbers or text. Elements of another type can hold addresses that the pickle chooses."""
+    kind: np.dtype[Any] = np.dtype(description, *options)
+    if kind.kind not in "biufcSU":
+        raise pickle.UnpicklingError(f"has an array of {kind}, which is neither numbers nor text")
+    return kind
+
+
+def _refuse_call(*_: Any) -> None:
+    """Refuse to make an array over a buffer, as no pickle of NumPy does."""
+    raise pickle.UnpicklingError("calls numpy.ndarray, which is no data")
+
+
 # What a pickle may name: arrays and numbers of NumPy, in the words of its versions 1 and 2.
-_ARRAY, _NUMBER = np.empty(0).__reduce__()[0], np.float64(0.0).__reduce__()[0]
+_ARRAY: Any = np.empty(0).__reduce__()[0]
+_NUMBER: Any = np.float64(0.0).__reduce__()[0]
 _BUFFER: Any = np.empty(1).__reduce_ex__(5)[0]
 _ALLOWED: Mapping[tuple[str, str], Any] = {
-    ("numpy", "ndarray"): np.ndarray,
-    ("numpy", "dtype"): np.dtype,
+    ("numpy", "ndarray"): _Function((_refuse_call,)),  # stands as the first argument of `_reconstruct` alone
+    ("numpy", "dtype"): _Function((_make_type,)),
     ("_codecs", "encode"): _Function((lambda text, *_: text.encode("latin1"),)),  # bytes in pickles of protocol 2
     ("collections", "OrderedDict"): OrderedDict,
     **{
         (f"numpy.{core}.{module}", name): function
         for core in ("core", "_core")
         for module, name, function in (
-            ("multiarray", "_reconstruct", _ARRAY),
+            ("multiarray", "_reconstruct", _Function((lambda *_: _ARRAY(np.ndarray, (0,), b"b"),))),
             ("multiarray", "scalar", _NUMBER),
             ("numeric", "_frombuffer", _Function((_BUFFER,))),
         )

@@ -12,6 +12,8 @@ from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.records import Frame
 
+_MOST_BYTES = 2**30  # of a header or a frame: more is a slip, and would fill the memory
+
 
 def write_raster(
     path: str | Path,
@@ -47,15 +49,15 @@ def write_raster(
     Raises
     ------
     RecordingError
-        For a length that is no whole number from 0, a stride shorter than a frame, frames of different sizes, or a path that
-        cannot be written.
+        For a length that is no whole number from 0 to 2^30, a stride shorter than a frame, frames of different sizes, or a
+        path that cannot be written.
     """
     place = check_writable(path, overwrite=overwrite)
     lengths = {"header_bytes": header_bytes, "frame_header_bytes": frame_header_bytes}
     lengths |= {"frame_stride_bytes": frame_stride_bytes} if frame_stride_bytes is not None else {}
     for name, length in lengths.items():
-        if not isinstance(length, int) or isinstance(length, bool) or length < 0:
-            raise RecordingError(f"{place}: {name}: {length!r:.40} is not a whole number from 0; correct it")
+        if not isinstance(length, int) or isinstance(length, bool) or not 0 <= length <= _MOST_BYTES:
+            raise RecordingError(f"{place}: {name}: {length!r:.40} is not a whole number from 0 to 2^30; correct it")
     first, coming = take_first(place, frames)
     size = encode(first).nbytes
     stride = frame_header_bytes + size if frame_stride_bytes is None else frame_stride_bytes

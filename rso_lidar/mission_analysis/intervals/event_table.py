@@ -196,14 +196,15 @@ class Events:
         """Return the figure: a bar over time for each event, a line for each expression and pair."""
         lines: list[tuple[str, list[tuple[float, float]], int]] = []
         names = list(self.expressions)
-        for pair in dict.fromkeys((row.follower_label, row.label) for row in self.rows):
-            whom = pair[1] if self.follower is not None else f"{pair[0]}, {pair[1]}"
+        pairs: dict[tuple[Any, ...], list[Event]] = {}  # several pieces of debris have one name
+        for row in self.rows:
+            whose = row.follower_label, row.follower_norad_id, row.label, row.norad_id
+            pairs.setdefault(whose, []).append(row)
+        for rows in pairs.values():
+            first = rows[0]
+            whom = first.label if self.follower is not None else f"{first.follower_label}, {first.label}"
             for number, name in enumerate(names):
-                spans = [
-                    (row.from_s, row.to_s)
-                    for row in self.rows
-                    if (row.follower_label, row.label) == pair and row.event == name
-                ]
+                spans = [(row.from_s, row.to_s) for row in rows if row.event == name]
                 several = f"{figures.shorten(whom, _PAIR_LETTERS)}: {figures.shorten(name, _EVENT_LETTERS)}"
                 lines.append((name if self._is_pair else whom if len(names) == 1 else several, spans, number))
         start = np.datetime64(self.start_utc.astimezone(datetime.UTC).replace(tzinfo=None), "ms")

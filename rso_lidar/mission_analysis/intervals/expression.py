@@ -205,7 +205,7 @@ class _Parser:
             value = float(number) if kind == "number" else float("nan")
         except ValueError:
             value = float("nan")
-        if value != value:  # NaN
+        if not math.isfinite(value):
             raise self._wrong(place, f"is not a number; write for example {word} < 5{next(iter(known))}")
         if "" in known:
             return value

@@ -61,6 +61,7 @@ def events(
     lidar_name: str = "",
     stations: Sequence[GroundStation] = (),
     constraints: Constraints | None = None,
+    keep_out_m: float | None = None,
     min_duration_s: float = 0.0,
     limit: int | None = None,
     plate: ViewedPlate | None = None,
@@ -88,6 +89,7 @@ def events(
     ----------------
     lidar, constraints, finding : instrument, keep-out sphere and corridors, and when a target counts as found (None: those
         of the follower's scenario; else the preset ``long_range_1064``, none, and one pixel of one flash)
+    keep_out_m : radius of the keep-out sphere [m] (None: that of the constraints)
     lidar_name : its name in the notes (empty: the name of its preset)
     stations : on the ground, each with a name
     min_duration_s : least duration of an interval [s]
@@ -117,6 +119,8 @@ def events(
         finding = scenario.finding if finding is None else finding
         if lidar is None:
             lidar, lidar_name = scenario.instrument, scenario.name
+    if keep_out_m is not None:
+        constraints = (constraints or Constraints()).replace(keep_out_m=keep_out_m)
     if start_utc is None:
         raise ScenarioError(
             "start: is needed where the follower is no body of a scenario; give a datetime with its zone"

@@ -60,7 +60,7 @@ def read_table_text(path: Path) -> str:
         text = content.decode("utf-16" if is_wide else "utf-8-sig")
     except UnicodeDecodeError:
         name = "UTF-16" if is_wide else "UTF-8"
-        raise ScenarioError(f"{path}: is not {name} text; give the path of an OEM, AEM or CSV file") from None
+        raise ScenarioError(f"{path}: is not {name} text; give the path of an OEM, OPM, AEM, TDM or CSV file") from None
     if "\0" in text:
         raise ScenarioError(
             f"{path}: is not UTF-8 text, it contains NUL characters; save it as UTF-8, or as UTF-16 with its byte-order mark"

@@ -191,8 +191,9 @@ class TrackingDataMessage:
         for segment in self.select_target(target):
             if "RANGE" in segment.records:
                 time_s, values = segment.records["RANGE"]
-                scale = segment.range_unit_m * (0.5 if round_trip and segment.is_two_way else 1.0)
-                ranges |= zip(time_s.tolist(), (values * scale + segment.correction_range_m).tolist(), strict=True)
+                share = 0.5 if round_trip and segment.is_two_way else 1.0
+                range_m = share * (values * segment.range_unit_m + segment.correction_range_m)
+                ranges |= zip(time_s.tolist(), range_m.tolist(), strict=True)
             if "ANGLE_1" in segment.records or "ANGLE_2" in segment.records:
                 lines |= _find_lines(segment, self.start_utc)
         common = sorted(ranges.keys() & lines.keys())

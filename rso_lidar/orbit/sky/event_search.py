@@ -16,6 +16,8 @@ from rso_lidar.errors import warn
 _SCAN_S = 60.0
 _PARTS = 16  # equal parts into which a bracket is divided
 _WITHIN_S = 1e-4
+_NODES = 129  # instants among which a minimum is bracketed
+_MINIMUM_SPAN_S = (_NODES - 1) * _SCAN_S  # longer spans are divided, so that no orbit is skipped
 _AT_ONCE = 100_000  # instants evaluated in one call
 _POSITIVE = 1e300  # stands for what is not finite
 _FINEST_S = 0.1  # intervals are not divided below this
@@ -201,7 +203,7 @@ def find_spans_below(
 def find_minimum(value: Callable[[np.ndarray], np.ndarray], start_s: float, end_s: float) -> tuple[float, float]:
     """Find the least value of a smooth function between two instants.
 
-    The lowest of 129 instants is followed to the bottom of its dip.
+    All dips among 129 instants, or among instants a minute apart at most, are followed to their bottoms.
 
     Parameters
     ----------
@@ -230,12 +232,23 @@ def find_minima(
     -------
     instants (span,) [s] to 0.1 ms, and the values there
     """
-    time_s = np.linspace(start_s, end_s, 129, axis=1)
-    lowest = np.argmin(value(time_s.ravel()).reshape(time_s.shape), axis=1)
-    each = np.arange(len(lowest))
-    return _narrow_to_minimum(
-        value, time_s[each, np.maximum(lowest - 1, 0)], time_s[each, np.minimum(lowest + 1, time_s.shape[1] - 1)]
+    parts = np.maximum(np.ceil((end_s - start_s) / _MINIMUM_SPAN_S), 1.0).astype(np.int64)
+    span = np.repeat(np.arange(len(parts)), parts)
+    part, length_s = np.arange(len(span)) - (np.cumsum(parts) - parts)[span], (end_s - start_s) / parts
+    begin_s = start_s[span] + part * length_s[span]
+    stop_s = np.where(part + 1 == parts[span], end_s[span], start_s[span] + (part + 1) * length_s[span])
+    time_s = np.linspace(begin_s, stop_s, _NODES, axis=1)
+    values = value(time_s.ravel()).reshape(time_s.shape)
+    beside = np.pad(values, ((0, 0), (1, 1)), constant_values=np.inf)
+    is_dip = (values < beside[:, :-2]) & (values <= beside[:, 2:])
+    is_dip[np.arange(len(values)), np.argmin(values, axis=1)] = True  # also where values are not finite
+    row, node = np.nonzero(is_dip)
+    found_s, values = _narrow_to_minimum(
+        value, time_s[row, np.maximum(node - 1, 0)], time_s[row, np.minimum(node + 1, _NODES - 1)]
     )
+    order = np.lexsort((values, span[row]))
+    least = order[np.searchsorted(span[row][order], np.arange(len(parts)))]
+    return found_s[least], values[least]
 
 
 def _find_dips(

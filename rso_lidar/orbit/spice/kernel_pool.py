@@ -15,7 +15,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.ccsds.reader import find_table
 from rso_lidar.orbit.epochs import J2000_TT_JD, Epochs
 
-_LOCK = threading.RLock()  # CSPICE has one pool of kernels in a process, and is not safe among threads
+LOCK = threading.RLock()  # CSPICE has one pool of kernels in a process, and is not safe among threads
 # TDB - TT as in NAIF's leap-second kernels (naif0012.tls): amplitude [s], eccentricity, mean anomaly [rad] and its rate
 _AMPLITUDE_S, _ECCENTRICITY, _ANOMALY_RAD, _ANOMALY_RATE = 1.657e-3, 1.671e-2, 6.239996, 1.99096871e-7
 
@@ -35,7 +35,7 @@ def load_kernels(kernels: Sequence[str], where: str) -> Iterator[Any]:
     spice = import_spiceypy(where)
     paths = [str(find_table(kernel)[0]) for kernel in kernels]
     loaded: list[str] = []
-    with _LOCK:
+    with LOCK:
         try:
             for path in paths:
                 spice.furnsh(path)

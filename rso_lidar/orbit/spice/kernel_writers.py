@@ -13,7 +13,7 @@ from rso_lidar import units
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable, write_atomically, write_text
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.spice.kernel_pool import explain_error, find_ephemeris_times, find_tdb_rate, import_spiceypy
+from rso_lidar.orbit.spice.kernel_pool import LOCK, explain_error, find_ephemeris_times, find_tdb_rate, import_spiceypy
 from rso_lidar.orbit.spice.kernel_states import shift_states
 from rso_lidar.records import BodyState
 
@@ -205,12 +205,11 @@ def _write_binary(path: str | Path, fill: Callable[[Any, str], None], *, overwri
     """Write a binary kernel beside its place, and move it there when it is complete."""
     place = check_writable(path, overwrite=overwrite)
     spice = import_spiceypy(str(path))
-    with tempfile.TemporaryDirectory() as folder:
+    with LOCK, tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "kernel.bin")
         try:
             fill(spice, str(file))
         except spice.utils.exceptions.SpiceyError as error:
-            spice.kclear()
             raise RecordingError(f"{path}: {explain_error(error)}") from None
         content = file.read_bytes()
     with write_atomically(place) as draft:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar import units
-from rso_lidar.detector import Defects, Gsfl, Maps, PixelMaps
+from rso_lidar.detector import Defects, Gsfl, Maps, PixelMaps, read_pixel_maps
 from rso_lidar.detector.chain.camera import draw_camera_pixels
 from rso_lidar.detector.curve_fit.map_fit import fit_maps
 from rso_lidar.detector.curve_fit.measured_map import MeasuredMap
@@ -166,3 +166,15 @@ def test_the_time_origin_is_in_nanoseconds_of_the_way_out_and_back(fitted):
     assert slope == pytest.approx(
         1.0, abs=0.03
     )  # 5 standard errors of a slope of 470 pixels whose errors are 9 % of t0
+
+
+def test_a_pixel_beyond_the_limits_of_a_file_is_set_to_them_with_a_warning(measured, tmp_path):
+    (counts, *_) = (each for each in measured if each.quantity == "counts_mean")
+    row, col = np.argwhere(np.isfinite(counts.value))[0]
+    value = counts.value.copy()
+    value[row, col] *= 0.01
+    with pytest.warns(UserWarning, match=rf"gain_factor of 1 of 480 pixels is beyond 0.05 to 20, .*\({row}, {col}\)"):
+        fit = fit_maps(PLAIN, PULSE, [dataclasses.replace(counts, value=value)], ("gain",))
+    assert fit.maps["gain_factor"][row, col] == 0.05
+    path = PixelMaps(SHAPE, fit.maps, fit.errors, fit.dead, fit.hot).save(tmp_path / "maps.npz")
+    assert np.array_equal(read_pixel_maps(str(path)).maps["gain_factor"], fit.maps["gain_factor"])

@@ -89,6 +89,8 @@ def test_without_neighbours_rows_stay_where_they_are():
     seen = gather_light(AmplitudeCrosstalk(levels_db=(-40.0,)), photons, 1.0, math.inf)
     assert set(place_rows(seen, PLAN).pixel) == {0, 1, 7, 8, 5, 4, 6, 12, 11, 13} - {8, 11, 13}
     assert gather_light(AmplitudeCrosstalk(), nothing(SHAPE), 1.0, math.inf).pixel.size == 0
+    black = returns(500.0, 0.0, np.array([3]), SHAPE)
+    assert gather_light(AmplitudeCrosstalk(), black, 1.0, math.inf).photons.sum() == 0.0
 
 
 @pytest.mark.parametrize(

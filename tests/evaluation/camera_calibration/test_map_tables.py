@@ -109,7 +109,7 @@ def test_what_is_no_map_is_refused_in_one_line(tmp_path, text, changes, words):
 
 def test_lines_of_pixels_that_the_array_has_not_are_refused(tmp_path):
     (tmp_path / "other.csv").write_text("row,col,counts\n0,8,3\n", encoding="utf-8")
-    with pytest.raises(ScenarioError, match=r"line 1 is of pixel \(0, 8\), and the receiver has 6 x 8"):
+    with pytest.raises(ScenarioError, match=r"point 1 is of pixel \(0, 8\), and the receiver has 6 x 8"):
         read(tmp_path, MAPS.replace("maps.npz", "other.csv", 1))
     (tmp_path / "other.csv").write_text("row,col,counts\n0,7,3\n0,7,4\n", encoding="utf-8")
     with pytest.raises(ScenarioError, match="has 1 of 48 pixels in 2 lines"):

@@ -84,6 +84,9 @@ def test_noise_that_nobody_states_is_asked_for(made, message, tmp_path):
         fit_tracking_data(path, made.own.orbit)
     with pytest.raises(ScenarioError, match=r"does not state the noise of its angles; give it \(--angle-noise\)"):
         fit_tracking_data(path, made.own.orbit, range_sigma_m=0.5)
+    for given in ({"range_sigma_m": 0.0}, {"angle_sigma_rad": -1e-4}, {"range_sigma_m": np.nan}):
+        with pytest.raises(ScenarioError, match=f"{next(iter(given))}: .* is not a standard deviation"):
+            fit_tracking_data(message, made.own.orbit, **given)
     stated = TrackingDataMessage.from_file(message).segments[0]
     given = fit_tracking_data(
         path, made.own.orbit, range_sigma_m=stated.sigma_range_m, angle_sigma_rad=stated.sigma_angle_rad

@@ -94,6 +94,22 @@ def test_a_pickle_cannot_change_what_reads_it(tmp_path):
     assert np.frombuffer(b"", "u1").size == 0 and np.empty(1).__reduce_ex__(5)[0].__defaults__ != ()
 
 
+class OverBuffer:
+    """An array of objects whose addresses the pickle chooses."""
+
+    def __reduce__(self):
+        return np.ndarray, ((1,), "O", b"A" * 8)
+
+
+@pytest.mark.parametrize("more", [OverBuffer(), np.array([None]), np.zeros(1, [("a", "O")])])
+def test_a_pickle_cannot_make_arrays_of_addresses(tmp_path, more):
+    path = write_pickles(tmp_path / "pixell_bfc_ftrr.zip", [{**make_flash(0), "more": more}])
+    with pytest.raises(
+        ScenarioError, match=r"cannot be read: (calls numpy\.ndarray|has an array of .*neither numbers)"
+    ):
+        list(read_pixset(path))
+
+
 def set_low(**changes):
     def change(flash):
         flash["low"].update(changes)

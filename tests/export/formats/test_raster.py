@@ -61,6 +61,7 @@ def test_without_lengths_there_is_nothing_but_words(tmp_path):
         ({"header_bytes": -1}, "header_bytes: -1 is not a whole number"),
         ({"frame_header_bytes": 1.5}, "frame_header_bytes: 1.5 is not a whole number"),
         ({"header_bytes": True}, "header_bytes: True"),
+        ({"header_bytes": 2**40}, "header_bytes: 1099511627776 is not a whole number"),
     ],
 )
 def test_lengths_that_make_no_sense_leave_nothing(tmp_path, lengths, said):

@@ -1,6 +1,7 @@
 """Events: expressions, objects of every kind, passes against skyfield's, and what is written."""
 
 import csv
+import dataclasses
 import datetime
 import json
 import re
@@ -50,6 +51,7 @@ def test_and_binds_more_than_or_and_not_most():
         ("range < 50deg", "has the unknown unit 'deg'"),
         ("range < near", "'near' is not a number"),
         ("range < 1.2.3m", "is not a number"),
+        ("range < 1e999m", "is not a number"),
         ("rnage < 5m", "did you mean 'range'"),
         ("lit < 3", "is not compared"),
         ("lit lit", "is one too many; join conditions by and, or"),
@@ -169,6 +171,12 @@ def test_keep_out_spares_the_corridor(tmp_path):
     both = rl.study.events(place, place, ["range < 2km and not corridor"], days=2700 / 86400)
     assert sum(row.duration_s for row in both.rows) == pytest.approx(total["keep_out"], abs=0.01)
     assert 0.0 < total["keep_out"] < total["range < 2km"]
+    closer = rl.study.events(place, place, ["keep_out"], days=2700 / 86400, keep_out_m=500.0)  # and the same corridor
+    sphere = rl.study.events(place, place, ["range < 500m and not corridor"], days=2700 / 86400)
+    assert [(row.from_s, row.to_s) for row in closer.rows] == [
+        (pytest.approx(row.from_s, abs=1e-3), pytest.approx(row.to_s, abs=1e-3)) for row in sphere.rows
+    ]
+    assert closer.rows[0].from_s > both.rows[0].from_s + 10.0
 
 
 @pytest.fixture(scope="module")
@@ -213,6 +221,12 @@ def test_the_picture_has_a_line_for_each_expression(table):
     assert [label.get_text() for label in axes.get_yticklabels()] == ["look", "dark"]
     bars = [len(collection.get_paths()) for collection in axes.collections]
     assert sum(bars) == len(table)
+
+
+def test_objects_of_one_name_have_lines_of_their_own(table):
+    twins = tuple(dataclasses.replace(row, norad_id=row.norad_id + 1) for row in table.rows)
+    (axes,) = dataclasses.replace(table, rows=(*table.rows, *twins), labels=("A", "A")).figure().axes
+    assert len(axes.get_yticklabels()) == 2 * len(table.expressions)
 
 
 def test_a_row_becomes_a_scenario_that_shows_the_event(table):

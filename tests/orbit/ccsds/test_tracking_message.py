@@ -186,6 +186,10 @@ def test_units_corrections_and_frames_of_others(tmp_path):
             },
             {},
         ),
+        (  # a correction is that of the range as the message states it
+            {"rows": (("RANGE", 3.0), *angles), "CORRECTION_RANGE": 1.0, "CORRECTIONS_APPLIED": "NO"},
+            {"round_trip": True},
+        ),
     ):  # fmt: skip
         time_s, line_m = TrackingDataMessage.from_text(message_text(**options)).find_positions(**reader)
         assert time_s.tolist() == [0.5]

@@ -117,6 +117,14 @@ class TestSpans:
         assert value == pytest.approx(-1.0)
         assert find_minimum(lambda t: t, 3.0, 3.0) == (3.0, 3.0)
 
+    def test_least_of_the_dips_of_a_month_of_orbits(self):
+        deepest_s = 100.5 * 5400.0
+        when, value = find_minimum(
+            lambda t: np.cos(2 * np.pi * t / 5400) + ((t - deepest_s) / 1e6) ** 2, 0.0, 30 * units.DAY_S
+        )
+        assert when == pytest.approx(deepest_s, abs=1e-3)
+        assert value == pytest.approx(-1.0)
+
 
 def circular(height_m, angle_deg=0.0):
     """Return an equatorial circular orbit that at the start stands at an angle from the Sun's direction."""

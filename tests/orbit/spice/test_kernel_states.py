@@ -223,3 +223,12 @@ def test_what_makes_no_kernel_is_refused(tmp_path):
         with pytest.raises(RecordingError, match=says):
             write_ck(tmp_path / "a.bc", name, number, EPOCHS, turns, rate)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_kernel_that_fails_keeps_what_the_user_has_loaded(pool, tmp_path):
+    turns = Rotation.from_rotvec(EPOCHS.time_s[:, None] * RATE)
+    write_ck(tmp_path / "a.bc", "craft", BODY, EPOCHS, turns, np.tile(RATE, (len(EPOCHS), 1)))
+    pool.furnsh(str(tmp_path / "a.tf"))
+    with pytest.raises(RecordingError, match=r"a\.bsp: .*BODYANDCENTERSAME"):
+        write_spk(tmp_path / "a.bsp", "earth", 399, EPOCHS, ORBIT.states(EPOCHS))
+    assert pool.ktotal("ALL") == 1 and not (tmp_path / "a.bsp").exists()
