@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.ccsds.tracking_message import TrackingDataMessage, TrackingSegment, write_tdm
     from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem, write_opm
     from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center, find_center_states, subtract_center
-    from rso_lidar.orbit.collision.coppola import IntegratedProbability, integrate_collisions
+    from rso_lidar.orbit.collision.coppola import IntegratedProbability, KnownTooWellError, integrate_collisions
     from rso_lidar.orbit.collision.foster import foster_probability
     from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
     from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
@@ -188,6 +188,7 @@ __all__ = [
     "IntegratedProbability",
     "JplEphemeris",
     "Kepler",
+    "KnownTooWellError",
     "LookAngles",
     "LunarKepler",
     "LunarState",

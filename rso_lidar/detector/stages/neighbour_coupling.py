@@ -219,7 +219,7 @@ def merge_bins(
     merged : (3, place) photons, begin and end [s], written
     """
     total, from_s, to_s = np.zeros(n_bins), np.empty(n_bins), np.empty(n_bins)
-    is_own, touched = np.zeros(n_bins, np.bool_), np.empty(n_bins, np.int64)
+    is_own, is_met, touched = np.zeros(n_bins, np.bool_), np.zeros(n_bins, np.bool_), np.empty(n_bins, np.int64)
     count = 0
     for pixel in range(n_rows * n_cols):
         n_touched = 0
@@ -232,14 +232,14 @@ def merge_bins(
                 if not light[0, k] > 0.0:
                     continue
                 b = number[k]
-                if total[b] == 0.0:
+                if not is_met[b]:
                     place = n_touched  # kept in order of time
                     while place > 0 and touched[place - 1] > b:
                         touched[place] = touched[place - 1]
                         place -= 1
                     touched[place] = b
                     n_touched += 1
-                    from_s[b], to_s[b], is_own[b] = light[1, k], light[2, k], False
+                    from_s[b], to_s[b], is_own[b], is_met[b] = light[1, k], light[2, k], False, True
                 total[b] += factor[j] * (light[0, k] if j == 0 else min(light[0, k], most_photons))
                 from_s[b], to_s[b] = min(from_s[b], light[1, k]), max(to_s[b], light[2, k])
                 is_own[b] = is_own[b] or j == 0
@@ -250,5 +250,5 @@ def merge_bins(
                     at[count], of[count] = pixel, b
                     merged[0, count], merged[1, count], merged[2, count] = total[b], from_s[b], to_s[b]
                 count += 1
-            total[b] = 0.0
+            total[b], is_met[b] = 0.0, False
     return count

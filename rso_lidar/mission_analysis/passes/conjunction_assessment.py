@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.orbit import (
     ConjunctionMessage,
     ConjunctionObject,
     IntegratedProbability,
+    KnownTooWellError,
     SampledProbability,
     UncertainSeparation,
     UncertainState,
@@ -158,9 +159,7 @@ def assess_conjunction(
             foster = foster_probability(first, second, radius)
         try:
             integral = integrate_collisions(first, second, radius, window_s=window_s)
-        except ScenarioError as error:
-            if not str(error).startswith("covariance"):
-                raise
+        except (KnownTooWellError, PropagationError) as error:
             notes.append(f"no Pc in 3-D: {error}")
         if foster is not None and integral is not None and abs(integral.probability - foster) > _CURVED * foster:
             notes.append(

@@ -31,6 +31,10 @@ _NODES, _HALVINGS = 10, 12  # of a panel of the integral over time
 _WITHIN = 3e-4  # of the integral: so much less may change it that a panel is halved
 
 
+class KnownTooWellError(ScenarioError):
+    """The relative position is known far better than the radius in two directions."""
+
+
 @dataclass(frozen=True)
 class IntegratedProbability:
     """A probability of collision by the integral over time and sphere.
@@ -67,7 +71,9 @@ def integrate_collisions(
     Raises
     ------
     ScenarioError
-        if the window makes no sense, or the relative position is known far better than the radius
+        if the window makes no sense
+    KnownTooWellError
+        if the relative position is known far better than the radius in two directions
     PropagationError
         if a state is not on an ellipse
     """
@@ -162,7 +168,7 @@ def _sample_sphere(mean: np.ndarray, covariance: np.ndarray, radius_m: float) ->
     variances, axes = np.linalg.eigh(covariance[:3, :3])
     known, less = np.sqrt(np.maximum(variances[:2], 0.0))
     if not (known > 1e-7 * math.sqrt(variances[2]) and less > radius_m / _MOST_AROUND):
-        raise ScenarioError(
+        raise KnownTooWellError(
             f"covariance: the relative position is known to {known:.2g} and {less:.2g} m in two directions, too well for an "
             f"integral over a sphere of {radius_m:g} m; use Foster's probability, or Monte Carlo"
         )

@@ -200,6 +200,8 @@ def check_window(first: UncertainState, second: UncertainState, radius_m: float,
     window = min(
         0.5 * min(first.period_s, second.period_s), _cover_s(UncertainSeparation.between(first, second), radius_m)
     )
+    if window_s is None and not 0.0 < window < math.inf:
+        raise ScenarioError("window_s: without relative velocity and a period there is no window to choose; give one")
     window = window if window_s is None else float(window_s)
     if not 0.0 < window <= 30.0 * units.DAY_S:
         raise ScenarioError(f"window_s: {window_s!r:.40} is not a window; give seconds above 0, at most 30 days")

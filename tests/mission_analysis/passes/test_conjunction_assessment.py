@@ -1,5 +1,6 @@
 """A conjunction assessed: its geometry, both probabilities, what is noted, and the scenario that is written."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -113,3 +114,22 @@ def test_which_object_and_equal_states():
     assert "none: no relative velocity" in found.text()
     with pytest.raises(ScenarioError, match=r"^conjunction: both states are equal"):
         conjunction_scenario_text(found)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda one: {"covariance_rtn": 1e-12 * one.covariance_rtn}, "the relative position is known to"),
+        (lambda one: {"velocity_m_s": 2.0 * one.velocity_m_s}, "not on an ellipse"),
+    ],
+)
+def test_without_an_integral_a_note_says_why(change, reason):
+    message = ConjunctionMessage.from_text(TEXT)
+    both = {
+        name: dataclasses.replace(one, **change(one))
+        for name in ("first", "second")
+        for one in [getattr(message, name)]
+    }
+    found = assess_conjunction(dataclasses.replace(message, **both), samples=0)
+    assert found.integral is None
+    assert any(note.startswith("no Pc in 3-D: ") and reason in note for note in found.notes)

@@ -8,7 +8,13 @@ from scipy.stats import ncx2
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.orbit import UncertainState, foster_probability, integrate_collisions, sample_collisions
+from rso_lidar.orbit import (
+    KnownTooWellError,
+    UncertainState,
+    foster_probability,
+    integrate_collisions,
+    sample_collisions,
+)
 from rso_lidar.orbit.collision.coppola import _probability_inside
 from tests.orbit.collision.test_monte_carlo import RADIUS, SPEED, make_pair
 
@@ -52,7 +58,7 @@ def test_objects_that_stay_together_are_inside_from_the_start():
 @pytest.mark.parametrize("covariance", [np.zeros((6, 6)), np.diag([1e-6, 1e-6, 1e4, 0.0, 0.0, 0.0])])
 def test_positions_that_are_known_too_well_are_refused(covariance):
     first, second = (UncertainState(s.position_m, s.velocity_m_s, covariance) for s in make_pair())
-    with pytest.raises(ScenarioError, match=r"covariance: the relative position .* use Foster"):
+    with pytest.raises(KnownTooWellError, match=r"covariance: the relative position .* use Foster"):
         integrate_collisions(first, second, 10.0)
 
 
