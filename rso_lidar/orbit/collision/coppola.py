@@ -23,12 +23,12 @@ from rso_lidar.pose import dot
 _SIGMAS = 8.5  # at this many standard deviations from its peak a density is 1e-16 of it
 _CIRCLES, _FEWEST_AROUND, _MOST_AROUND = 48, 128, 300  # on the sphere, and points on each
 _SHELLS = 32  # nodes along the radius of the sphere
-_STILL = 1e-9  # m/s: so much at least the velocity is unknown
+_STILL = 1e-9  # m/s: least standard deviation of the velocity; one of 0 needs no case of its own
 _STEP_M, _STEP_M_S = 10.0, 0.01  # of the differences that give the transition matrix: good to 1e-8
 _STEP_RAD = 0.1  # angle of motion at perigee between the instants at which closest approaches are looked for
 _SPREADS = 1.0, 4.0, 16.0  # of an encounter's length: where the panels of the integral over time end
-_NODES, _HALVINGS = 10, 12  # of a panel of the integral over time
-_WITHIN = 3e-4  # of the integral: so much less may change it that a panel is halved
+_NODES, _HALVINGS = 10, 12  # in a panel of the integral over time; and how often it may be halved
+_WITHIN = 3e-4  # share of the integral: a panel is halved again if that changed its part by more
 
 
 class KnownTooWellError(ScenarioError):
@@ -89,7 +89,7 @@ def integrate_collisions(
 
 
 def _integrate(rate_per_s: Callable[[float], float], edges: list[float]) -> float:
-    """Integrate a rate over panels between edges [s], which are halved until that changes nothing."""
+    """Integrate a rate over panels between edges [s], which are halved until that changes little."""
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
 
     def sum_up(begin: float, end: float) -> float:
@@ -128,7 +128,7 @@ def _relative_state(first: UncertainState, second: UncertainState, time_s: float
 
 
 def _entries_per_s(mean: np.ndarray, covariance: np.ndarray, radius_m: float) -> float:
-    """Return the expected entries into the sphere in a second (Hall 2021, sec. III).
+    """Return the expected entries into the sphere in a second (Hall 2021).
 
     Parameters
     ----------
