@@ -115,7 +115,6 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses, shadow_margins_rad, sunlit_fraction
     from rso_lidar.orbit.sky.event_search import (
         BoundedFunction,
-        Span,
         find_bounded_spans,
         find_minima,
         find_minimum,
@@ -210,7 +209,6 @@ __all__ = [
     "ScheduledFleet",
     "ScreeningResult",
     "SetSequence",
-    "Span",
     "SpiceMotion",
     "State",
     "StatedManeuver",

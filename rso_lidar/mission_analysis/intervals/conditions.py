@@ -32,7 +32,6 @@ from rso_lidar.orbit import (
     PairQuantity,
     PairSamples,
     ScheduledFleet,
-    Span,
     elevation_rad,
     find_bounded_spans,
     rtn_angle_rad,
@@ -126,7 +125,9 @@ class EventSearch:
         """Return two objects at times [s]."""
         return PairSamples(self.epochs(time_s), self.locate(follower, time_s), self.locate(target, time_s))
 
-    def find(self, condition: Condition, windows: Sequence[Span], follower: int, target: int) -> list[Span]:
+    def find(
+        self, condition: Condition, windows: Sequence[tuple[float, float]], follower: int, target: int
+    ) -> list[tuple[float, float]]:
         """Find the spans within windows in which a condition on a follower and a target holds [s]."""
         if condition.word == "lit":
             parts = Condition("sunlit"), Condition("phase", (), True, LIT_PHASE_RAD)
@@ -285,7 +286,7 @@ def _make_constraint(word: str, constraints: Constraints | None) -> PairQuantity
     return PairQuantity(value, rate)
 
 
-def find_windows(flights: ScheduledFleet, follower: int, target: int, duration_s: float) -> list[Span]:
+def find_windows(flights: ScheduledFleet, follower: int, target: int, duration_s: float) -> list[tuple[float, float]]:
     """Return the windows [s] in which two objects have states, each without a switch of an element set or of a piece."""
     spans = []
     for number in (follower, target):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.orbit import Span, join_spans
+from rso_lidar.orbit import join_spans
 
 # Factors to SI by kind of quantity. A number of a kind without units has none.
 UNITS: dict[str, dict[str, float]] = {
@@ -59,10 +59,12 @@ class Combination:
 
 
 Expression = Condition | Combination
-FindSpans = Callable[[Condition, Sequence[Span]], list[Span]]
+FindSpans = Callable[[Condition, Sequence[tuple[float, float]]], list[tuple[float, float]]]
 
 
-def find_in_windows(expression: Expression, find: FindSpans, windows: Sequence[Span]) -> list[Span]:
+def find_in_windows(
+    expression: Expression, find: FindSpans, windows: Sequence[tuple[float, float]]
+) -> list[tuple[float, float]]:
     """Find the spans within some windows in which an expression holds.
 
     The parts of ``and`` are searched in order, each within the spans of those before.
@@ -96,9 +98,11 @@ def find_in_windows(expression: Expression, find: FindSpans, windows: Sequence[S
     return [span for span in both if span[1] - span[0] > _SLIVER_S] if expression.kind == "not" else both
 
 
-def _intersect(windows: Sequence[Span], spans: Sequence[Span]) -> list[Span]:
+def _intersect(
+    windows: Sequence[tuple[float, float]], spans: Sequence[tuple[float, float]]
+) -> list[tuple[float, float]]:
     """Return the parts of spans, each list in order, that are in windows; spans are cut where one window follows another."""
-    overlaps: list[Span] = []
+    overlaps: list[tuple[float, float]] = []
     first = 0
     for begin, end in windows:
         while first < len(spans) and spans[first][1] <= begin:

@@ -37,7 +37,6 @@ from rso_lidar.orbit import (
     ElementSet,
     GroundStation,
     ScheduledFleet,
-    Span,
     find_minima,
     format_utc,
     join_spans,
@@ -248,7 +247,7 @@ def _find_rows(
 ) -> list[Event]:
     """Find the events of one expression for two objects, with what the follower sees in them."""
 
-    def find(condition: Condition, windows: Sequence[Span]) -> list[Span]:
+    def find(condition: Condition, windows: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         return search.find(condition, windows, *pair)
 
     windows = find_windows(flights, *pair, duration_s)

@@ -50,7 +50,7 @@ class ScheduledFleet:
     fleet : the sets and pieces that apply within the span; those of one object follow each other in order of time
     owner : (set,) number of the object that each belongs to
     from_s, to_s : (set,) when each applies [s since the start], infinite at the first and last set of an object
-    gaps : label of a trajectory, and when it has no state, for each such part of the span
+    gaps : (gap,) whose trajectory has no states, and when
     """
 
     def __init__(
