@@ -34,7 +34,8 @@ _SAMPLE_S = 1.0 / (8 * 100e6)  # 8 times 100 MHz: 0.18737 m, as the published no
 _DARK_SAMPLES = 64  # assumed where no delay is known; in the notebook, 121 samples precede emission
 _EARLY_SAMPLES = 16  # before emission, which a pulse of some 20 ns may already reach
 _MOST_FILE_BYTES = 64 * 2**30  # a recording has gigabytes
-_BROKEN = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, NotImplementedError)  # by damage
+# What zipfile (of a compression that it does not know), pickle and NumPy raise for a damaged file:
+_DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, NotImplementedError)
 
 
 class _Function(tuple[Callable[..., Any]]):
@@ -167,7 +168,7 @@ def _read_pickle(archive: zipfile.ZipFile, name: str, where: str) -> Any:
         return _DataUnpickler(io.BytesIO(archive.read(name)), encoding="latin1").load()
     except (zipfile.BadZipFile, zlib.error, OSError, EOFError, pickle.UnpicklingError) as error:
         raise ScenarioError(f"{where}: cannot be read: {' '.join(str(error).split())}; download it again") from None
-    except (MemoryError, RecursionError, *_BROKEN) as error:
+    except (MemoryError, RecursionError, *_DAMAGED) as error:
         reason = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
         raise ScenarioError(f"{where}: is a damaged pickle ({reason}); download it again") from None
 
