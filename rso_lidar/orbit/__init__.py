@@ -141,7 +141,13 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.spice.kernel_writers import write_ck, write_spk
     from rso_lidar.orbit.trajectory import Trajectory, differentiate, find_breaks_s, state_rates, two_body_rates
     from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, solve_kepler, true_from_mean
-    from rso_lidar.orbit.two_body.covariance_history import CovarianceHistory
+    from rso_lidar.orbit.two_body.covariance_history import (
+        LOST_M,
+        LOST_M_S,
+        PRECISE_M,
+        PRECISE_M_S,
+        CovarianceHistory,
+    )
     from rso_lidar.orbit.two_body.izzo import Branch
     from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate_two_body
     from rso_lidar.orbit.two_body.lambert import Transfer, Way, solve_lambert, solve_lambert_all
@@ -166,8 +172,12 @@ __all__ = [
     "J2",
     "LIMB_ANGLE_RAD",
     "LINE_ALTITUDE_M",
+    "LOST_M",
+    "LOST_M_S",
     "MOON_ANGLE_RAD",
     "PHASE_RAD",
+    "PRECISE_M",
+    "PRECISE_M_S",
     "RANGE_M",
     "SLEW_RAD_S",
     "SPEED_M_S",

@@ -27,9 +27,11 @@ from rso_lidar.records import BodyState
 _ASYMMETRY = 1e-3  # relative difference of mirrored terms that rounding of digits explains
 _NEGATIVE = 1e-3  # relative size of a negative eigenvalue that rounding of digits explains
 _EDGE_S = 1e-3  # an instant this close to an epoch is that epoch: 7.5 m along the track in low orbit
-# What is known worse than this is lost, and what is known better is beyond precise orbits (GRACE: Kang et al., J. Geodesy 80
-# (2006) 322: 1 to 2 cm and 10 um/s).
+# 10 m/s of speed are 3 v T = 170 km along the track after one low revolution, and go with 10 km of position (v = n r). Sets
+# that catalogues publish are known to some km and m/s; what is worse is lost, and nothing flies to it.
 LOST_M, LOST_M_S = 100_000.0, 10.0
+# Precise orbits are known to 1 to 2 cm and 10 um/s (GRACE: Kang et al., J. Geodesy 80 (2006) 322), relative ones to 1 mm by
+# carrier phases in processing afterwards: no start of a flight is known to less than both of these.
 PRECISE_M, PRECISE_M_S = 0.1, 1e-4
 
 
