@@ -10,7 +10,6 @@ from __future__ import annotations
 import datetime
 import functools
 import math
-from bisect import bisect_right
 from collections.abc import Callable
 from typing import Annotated, Any, Self
 
@@ -19,56 +18,24 @@ from pydantic import Field, Strict, model_validator
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.almanac import Almanac
+from rso_lidar.orbit.propagation.atmosphere import ExponentialAtmosphere
+from rso_lidar.orbit.sky.almanac import Almanac, Vector3
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.part import Flag, Part, Positive
 
 GM = units.EARTH_GM_M3_S2
 _ZONALS = (units.EARTH_J2, units.EARTH_J3, units.EARTH_J4, units.EARTH_J5, units.EARTH_J6)
 _CORE_M = 0.5 * units.EARTH_RADIUS_M  # below this radius the attraction is held constant, because no orbit is there
-Vector3 = tuple[float, float, float]
 ForceField = Callable[[float, Vector3, Vector3], tuple[Vector3, float]]
-
-# Vallado 4th ed. table 8-4: height [km], density there [kg/m3], scale height [km], up to the next row
-_AIR = (
-    (0.0, 1.225, 7.249),
-    (25.0, 3.899e-2, 6.349),
-    (30.0, 1.774e-2, 6.682),
-    (40.0, 3.972e-3, 7.554),
-    (50.0, 1.057e-3, 8.382),
-    (60.0, 3.206e-4, 7.714),
-    (70.0, 8.770e-5, 6.549),
-    (80.0, 1.905e-5, 5.799),
-    (90.0, 3.396e-6, 5.382),
-    (100.0, 5.297e-7, 5.877),
-    (110.0, 9.661e-8, 7.263),
-    (120.0, 2.438e-8, 9.473),
-    (130.0, 8.484e-9, 12.636),
-    (140.0, 3.845e-9, 16.149),
-    (150.0, 2.070e-9, 22.523),
-    (180.0, 5.464e-10, 29.740),
-    (200.0, 2.789e-10, 37.105),
-    (250.0, 7.248e-11, 45.546),
-    (300.0, 2.418e-11, 53.628),
-    (350.0, 9.518e-12, 53.298),
-    (400.0, 3.725e-12, 58.515),
-    (450.0, 1.585e-12, 60.828),
-    (500.0, 6.967e-13, 63.822),
-    (600.0, 1.454e-13, 71.835),
-    (700.0, 3.614e-14, 88.667),
-    (800.0, 1.170e-14, 124.64),
-    (900.0, 5.245e-15, 181.05),
-    (1000.0, 3.019e-15, 268.00),
-)
-_FLOORS_KM = [row[0] for row in _AIR]
 
 
 class Drag(Part):
-    """Air drag in an exponential atmosphere that rotates with the Earth."""
+    """Air drag in an atmosphere that rotates with the Earth."""
 
     area_m2: Positive = Field(description="Cross-section in the flow [m²].")
     mass_kg: Positive = Field(description="Mass of the body [kg]; thrust does not change it here.")
     drag_coefficient: Positive = Field(default=2.2, description="Drag coefficient; 2.2 suits most satellites.")
+    atmosphere: ExponentialAtmosphere = Field(default=ExponentialAtmosphere(), description="Density of the air.")
 
 
 class RadiationPressure(Part):
@@ -91,7 +58,7 @@ class Forces(Part):
     )
     drag: Drag | None = Field(
         default=None,
-        description="Drag in a mean exponential atmosphere that rotates with the Earth. If omitted, there is none.",
+        description="Drag in an atmosphere that rotates with the Earth. If omitted, there is none.",
     )
     radiation_pressure: RadiationPressure | None = Field(
         default=None,
@@ -175,6 +142,7 @@ class Forces(Part):
         sky = _find_almanac(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
         zonals, drag = _ZONALS[: max(self.zonal_degree - 1, 0)], self.drag
         needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
+        density = drag.atmosphere.density_along(sky) if drag else None
 
         def acceleration(t: float, r: Vector3, v: Vector3) -> tuple[Vector3, float]:
             """Return the acceleration [m/s2] of a body, and the magnitude of its discontinuous part [m/s2].
@@ -195,8 +163,8 @@ class Forces(Part):
             pole, sun, moon = sky(t)
             if zonals:
                 total = _add(total, _zonal_acceleration(zonals, r, radius, pole))
-            if drag:
-                push = _drag_acceleration(drag, r, radius, v, pole)
+            if drag and density:
+                push = _drag_acceleration(drag, density(t, r), r, v, pole)
                 total, rough = _add(total, push), math.hypot(*push)
             if pressure:
                 push = _sunlight_acceleration(pressure, r, radius, sun)
@@ -217,15 +185,6 @@ def _light_phase(sky: Almanac, time_s: float, r: Vector3) -> int:
 
 
 _find_almanac = functools.lru_cache(maxsize=8)(Almanac)  # a flight with guidance integrates hundreds of arcs of one run
-
-
-def air_density_kg_m3(height_m: float) -> float:
-    """Return the density of Vallado's mean exponential atmosphere (4th ed. table 8-4) [kg/m3], zero above 2500 km."""
-    height_km = height_m / units.KM
-    if height_km > 2500.0:
-        return 0.0
-    floor_km, density, scale_km = _AIR[max(bisect_right(_FLOORS_KM, height_km) - 1, 0)]
-    return density * math.exp(-(max(height_km, 0.0) - floor_km) / scale_km)
 
 
 def _zonal_acceleration(zonals: tuple[float, ...], r: Any, radius: Any, pole: Vector3) -> Any:
@@ -258,18 +217,15 @@ def _zonal_acceleration(zonals: tuple[float, ...], r: Any, radius: Any, pole: Ve
     return out * r[0] + up * pole[0], out * r[1] + up * pole[1], out * r[2] + up * pole[2]
 
 
-def _drag_acceleration(drag: Drag, r: Vector3, radius: float, v: Vector3, pole: Vector3) -> Vector3:
+def _drag_acceleration(drag: Drag, density: float, r: Vector3, v: Vector3, pole: Vector3) -> Vector3:
     """Return the acceleration by drag [m/s2].
-
-    The altitude above the ellipsoid is of first order in the flattening, within 50 m (Vallado eq. 8-28).
 
     Parameters
     ----------
-    r, radius, v : position [m], its length, and velocity [m/s]
+    density : of the air [kg/m3]
+    r, v : position [m] and velocity [m/s]
     pole : unit vector along the Earth's axis
     """
-    s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
-    density = air_density_kg_m3(radius - units.EARTH_RADIUS_M * (1.0 - units.EARTH_FLATTENING * s * s))
     if density == 0.0:
         return 0.0, 0.0, 0.0
     w = units.EARTH_ROTATION_RAD_S
