@@ -1,8 +1,7 @@
-"""Forces on a body about the Earth: zonal harmonics, air drag, sunlight, Sun and Moon.
+"""Forces on a body about the Earth: its gravity, air drag, sunlight, Sun and Moon.
 
-Left out, with their effect on a low orbit in a day: the Earth's other harmonics (J22 and on: hundreds of metres to a
-kilometre), tides, light from the Earth, and relativity (metres). The atmosphere of the table is a mean one: above 300 km
-the density varies by a factor of up to ten with solar activity.
+Zonal harmonics alone leave out the Earth's other harmonics: hundreds of metres to a kilometre in a day of a low orbit.
+Always left out are tides, light from the Earth, and relativity (metres).
 """
 
 from __future__ import annotations
@@ -14,11 +13,13 @@ from collections.abc import Callable
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
 
 from rso_lidar import units
+from rso_lidar.orbit.earth.earth_fixed import EarthFixedAxes
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.atmosphere import ExponentialAtmosphere
+from rso_lidar.orbit.propagation.gravity import Gravity
 from rso_lidar.orbit.sky.almanac import Almanac, Vector3
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.part import Flag, Part, Positive
@@ -27,6 +28,7 @@ GM = units.EARTH_GM_M3_S2
 _ZONALS = (units.EARTH_J2, units.EARTH_J3, units.EARTH_J4, units.EARTH_J5, units.EARTH_J6)
 _CORE_M = 0.5 * units.EARTH_RADIUS_M  # below this radius the attraction is held constant, because no orbit is there
 ForceField = Callable[[float, Vector3, Vector3], tuple[Vector3, float]]
+Attraction = Callable[[float, Vector3], Vector3]
 
 
 class Drag(Part):
@@ -50,11 +52,18 @@ class RadiationPressure(Part):
 
 
 class Forces(Part):
-    """Forces besides the Earth's central attraction: zonal harmonics, drag, radiation pressure, Sun and Moon."""
+    """Forces besides the Earth's central attraction: its harmonics, drag, radiation pressure, Sun and Moon."""
 
     zonal_degree: Annotated[int, Strict(), Field(ge=0, le=6)] = Field(
         default=2,
         description="Highest degree of the zonal harmonics (EGM96) about the pole of date; 0 is a point mass.",
+    )
+    gravity: Gravity | None = Field(
+        default=None,
+        description=(
+            "Gravity by harmonics of every order, which turn with the Earth and have a GM of their own. It takes the place "
+            "of `zonal_degree`. If omitted, `zonal_degree` applies."
+        ),
     )
     drag: Drag | None = Field(
         default=None,
@@ -73,7 +82,23 @@ class Forces(Part):
             raise ValueError(
                 "zonal_degree: must be 0 for a point mass, or 2 to 6, because J1 does not exist; use 0 or 2"
             )
+        if self.gravity is not None and "zonal_degree" in self.model_fields_set:
+            raise ValueError("gravity: takes the place of zonal_degree; leave zonal_degree out")
         return self
+
+    @model_serializer(mode="wrap")
+    def _leave_out_replaced(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Dump the fields without `zonal_degree` where `gravity` takes its place."""
+        fields: dict[str, Any] = serialize(self)
+        if self.gravity is not None:
+            fields.pop("zonal_degree", None)
+        return fields
+
+    def describe_gravity(self) -> str:
+        """Describe the Earth's gravity in a few words; an empty text for a point mass."""
+        if self.gravity is not None:
+            return self.gravity.describe()
+        return f"J2 to J{self.zonal_degree}" if self.zonal_degree > 2 else "J2" if self.zonal_degree else ""
 
     def acceleration(self, epochs: Epochs, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
         """Return the acceleration (time, 3) [m/s2] of states, central attraction included.
@@ -89,8 +114,10 @@ class Forces(Part):
         )
         return np.array([field(t, tuple(r), tuple(v))[0] for t, r, v in rows]).reshape(-1, 3)
 
-    def gravity(self, start_utc: datetime.datetime) -> Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Return the gravity of the Earth as a function of arrays of positions; its pole is that of the start.
+    def attraction(self, start_utc: datetime.datetime) -> Callable[..., np.ndarray]:
+        """Return the gravity of the Earth as a function of time and arrays of positions.
+
+        Zonal harmonics have the pole of the start.
 
         Parameters
         ----------
@@ -98,19 +125,19 @@ class Forces(Part):
 
         Returns
         -------
-        function of the components x, y and z of positions [m], arrays of one shape, GCRS axes
-            it returns those of the acceleration [m/s2]: the central attraction and the zonal harmonics
+        function of seconds since the start (a number or (point,)) and positions (3, point) [m] in GCRS axes
+            it returns the accelerations (3, point) [m/s2]: the central attraction and the harmonics
         """
+        if self.gravity is not None:
+            return _attract_points(self.gravity, start_utc)
         zonals = _ZONALS[: max(self.zonal_degree - 1, 0)]
         pole = _find_almanac(start_utc, sun=False, moon=False)(0.0)[0]
 
-        def accelerate(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            """Compute the components of the acceleration [m/s2] from those of the position [m]."""
-            square = x * x + y * y + z * z
+        def accelerate(time_s: float | np.ndarray, r: np.ndarray) -> np.ndarray:
+            square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
             radius = np.sqrt(square)
-            pull = -GM / (square * radius)
-            more = _zonal_acceleration(zonals, (x, y, z), radius, pole) if zonals else (0.0, 0.0, 0.0)
-            return pull * x + more[0], pull * y + more[1], pull * z + more[2]
+            pull: np.ndarray = -GM / (square * radius) * r
+            return pull + np.stack(_zonal_acceleration(zonals, r, radius, pole)) if zonals else pull
 
         return accelerate
 
@@ -138,9 +165,10 @@ class Forces(Part):
             its first value is the acceleration [m/s2]; its second is the magnitude [m/s2] of the forces with
             discontinuities: drag (rows of its table) and sunlight (shadow)
         """
-        pressure = self.radiation_pressure
+        pressure, drag = self.radiation_pressure, self.drag
         sky = _find_almanac(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
-        zonals, drag = _ZONALS[: max(self.zonal_degree - 1, 0)], self.drag
+        zonals = _ZONALS[: max(self.zonal_degree - 1, 0)] if self.gravity is None else ()
+        gm, perturb = (GM, None) if self.gravity is None else _perturb_earth_fixed(self.gravity, start_utc)
         needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
         density = drag.atmosphere.density_along(sky) if drag else None
 
@@ -155,8 +183,10 @@ class Forces(Part):
             """
             x, y, z = r
             radius = max(math.sqrt(x * x + y * y + z * z), _CORE_M)
-            pull = -GM / (radius * radius * radius)
+            pull = -gm / (radius * radius * radius)
             total = (pull * x, pull * y, pull * z)
+            if perturb is not None and radius > _CORE_M:
+                total = _add(total, perturb(t, r))
             if not needs_sky:
                 return total, 0.0
             rough = 0.0
@@ -185,6 +215,41 @@ def _light_phase(sky: Almanac, time_s: float, r: Vector3) -> int:
 
 
 _find_almanac = functools.lru_cache(maxsize=8)(Almanac)  # a flight with guidance integrates hundreds of arcs of one run
+
+
+_find_earth_fixed = functools.lru_cache(maxsize=8)(EarthFixedAxes)
+
+
+def _perturb_earth_fixed(gravity: Gravity, start_utc: datetime.datetime) -> tuple[float, Attraction]:
+    """Return GM [m3/s2] and the acceleration by harmonics [m/s2] as a function of time [s] and position [m]."""
+    harmonics = gravity.load_harmonics()
+    axes = _find_earth_fixed(start_utc, gravity.load_orientation())
+
+    def perturb(time_s: float, r: Vector3) -> Vector3:
+        x, y, z = axes(time_s)
+        a, b, c = harmonics.perturb(
+            x[0] * r[0] + x[1] * r[1] + x[2] * r[2],
+            y[0] * r[0] + y[1] * r[1] + y[2] * r[2],
+            z[0] * r[0] + z[1] * r[1] + z[2] * r[2],
+        )
+        return a * x[0] + b * y[0] + c * z[0], a * x[1] + b * y[1] + c * z[1], a * x[2] + b * y[2] + c * z[2]
+
+    return harmonics.gm, perturb
+
+
+def _attract_points(gravity: Gravity, start_utc: datetime.datetime) -> Callable[..., np.ndarray]:
+    """Return the attraction as in `Forces.attraction`, by harmonics that turn with the Earth."""
+    harmonics = gravity.load_harmonics()
+    axes = _find_earth_fixed(start_utc, gravity.load_orientation())
+
+    def accelerate(time_s: float | np.ndarray, r: np.ndarray) -> np.ndarray:
+        turn = np.array([axes(t) for t in np.ravel(time_s).tolist()])  # (1 or point, 3, 3)
+        fixed = np.einsum("pij,jp->pi", np.broadcast_to(turn, (r.shape[1], 3, 3)), r)
+        more = np.einsum("pij,pi->jp", np.broadcast_to(turn, (r.shape[1], 3, 3)), harmonics.perturb_points(fixed))
+        pulled: np.ndarray = more - harmonics.gm * r / np.sqrt((r * r).sum(axis=0)) ** 3
+        return pulled
+
+    return accelerate
 
 
 def _zonal_acceleration(zonals: tuple[float, ...], r: Any, radius: Any, pole: Vector3) -> Any:

@@ -133,11 +133,8 @@ class Numerical(Part):
         start_utc : start of the run; not used
         """
         forces, count = self.forces, len(self.maneuvers)
-        zonals = (
-            f"J2 to J{forces.zonal_degree}" if forces.zonal_degree > 2 else "J2" if forces.zonal_degree else "a point"
-        )
         others = [name for name in ("drag", "radiation_pressure", "sun", "moon") if getattr(forces, name)]
-        words = [zonals, *(name.replace("_", " ") for name in others)]
+        words = [forces.describe_gravity() or "a point", *(name.replace("_", " ") for name in others)]
         if count:
             words.append(f"{count} maneuver{'s' * (count > 1)} of {self.delta_v_m_s:.4g} m/s")
         return f"{self.type} from {self.initial.type}; {', '.join(words)}"
