@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import functools
 import math
 
 import numpy as np
@@ -64,3 +65,6 @@ class EarthFixedAxes:
         cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
         rows: list[list[float]] = np.concatenate([cos * x - sin * y, sin * x + cos * y, z], axis=1).tolist()
         return rows
+
+
+find_earth_fixed_axes = functools.lru_cache(maxsize=8)(EarthFixedAxes)  # all forces of a run share one table

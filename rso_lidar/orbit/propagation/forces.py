@@ -16,9 +16,9 @@ import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
 
 from rso_lidar import units
-from rso_lidar.orbit.earth.earth_fixed import EarthFixedAxes
+from rso_lidar.orbit.earth.earth_fixed import find_earth_fixed_axes
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.atmosphere import ExponentialAtmosphere
+from rso_lidar.orbit.propagation.atmosphere import Atmosphere, ExponentialAtmosphere
 from rso_lidar.orbit.propagation.gravity import Gravity
 from rso_lidar.orbit.sky.almanac import Almanac, Vector3
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
@@ -37,7 +37,9 @@ class Drag(Part):
     area_m2: Positive = Field(description="Cross-section in the flow [m²].")
     mass_kg: Positive = Field(description="Mass of the body [kg]; thrust does not change it here.")
     drag_coefficient: Positive = Field(default=2.2, description="Drag coefficient; 2.2 suits most satellites.")
-    atmosphere: ExponentialAtmosphere = Field(default=ExponentialAtmosphere(), description="Density of the air.")
+    atmosphere: Atmosphere = Field(
+        default=ExponentialAtmosphere(), description="Density of the air: an `exponential` table, or `nrlmsis`."
+    )
 
 
 class RadiationPressure(Part):
@@ -141,16 +143,20 @@ class Forces(Part):
 
         return accelerate
 
-    def light_phase(self, start_utc: datetime.datetime) -> Callable[[float, Vector3], int] | None:
-        """Return a function of time [s] and position [m] that changes at the edges of the shadow; None without sunlight.
+    def phase(self, start_utc: datetime.datetime) -> Callable[[float, Vector3], tuple[int, int]] | None:
+        """Return a function of time [s] and position [m] that changes where forces jump: at edges of the shadow, and
+        where the atmosphere's data begin anew. None where there are no such instants.
 
         Parameters
         ----------
         start_utc : start of the run
         """
-        if self.radiation_pressure is None:
+        sky = _find_almanac(start_utc, sun=self.radiation_pressure is not None, moon=self.moon)
+        interval = None if self.drag is None else self.drag.atmosphere.interval_along(sky)
+        if self.radiation_pressure is None and interval is None:
             return None
-        return functools.partial(_light_phase, _find_almanac(start_utc, sun=True, moon=self.moon))
+        lit = self.radiation_pressure is not None
+        return lambda t, r: (_light_phase(sky, t, r) if lit else 0, interval(t) if interval else 0)
 
     def field(self, start_utc: datetime.datetime) -> ForceField:
         """Return the acceleration as a function for an integrator.
@@ -163,7 +169,7 @@ class Forces(Part):
         -------
         function of seconds since the start, position [m] and velocity [m/s]
             its first value is the acceleration [m/s2]; its second is the magnitude [m/s2] of the forces with
-            discontinuities: drag (rows of its table) and sunlight (shadow)
+            discontinuities: drag in rows of a table, and sunlight (shadow)
         """
         pressure, drag = self.radiation_pressure, self.drag
         sky = _find_almanac(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
@@ -195,7 +201,7 @@ class Forces(Part):
                 total = _add(total, _zonal_acceleration(zonals, r, radius, pole))
             if drag and density:
                 push = _drag_acceleration(drag, density(t, r), r, v, pole)
-                total, rough = _add(total, push), math.hypot(*push)
+                total, rough = _add(total, push), math.hypot(*push) if drag.atmosphere.has_rows else 0.0
             if pressure:
                 push = _sunlight_acceleration(pressure, r, radius, sun)
                 total, rough = _add(total, push), rough + math.hypot(*push)
@@ -217,13 +223,10 @@ def _light_phase(sky: Almanac, time_s: float, r: Vector3) -> int:
 _find_almanac = functools.lru_cache(maxsize=8)(Almanac)  # a flight with guidance integrates hundreds of arcs of one run
 
 
-_find_earth_fixed = functools.lru_cache(maxsize=8)(EarthFixedAxes)
-
-
 def _perturb_earth_fixed(gravity: Gravity, start_utc: datetime.datetime) -> tuple[float, Attraction]:
     """Return GM [m3/s2] and the acceleration by harmonics [m/s2] as a function of time [s] and position [m]."""
     harmonics = gravity.load_harmonics()
-    axes = _find_earth_fixed(start_utc, gravity.load_orientation())
+    axes = find_earth_fixed_axes(start_utc, gravity.load_orientation())
 
     def perturb(time_s: float, r: Vector3) -> Vector3:
         x, y, z = axes(time_s)
@@ -240,7 +243,7 @@ def _perturb_earth_fixed(gravity: Gravity, start_utc: datetime.datetime) -> tupl
 def _attract_points(gravity: Gravity, start_utc: datetime.datetime) -> Callable[..., np.ndarray]:
     """Return the attraction as in `Forces.attraction`, by harmonics that turn with the Earth."""
     harmonics = gravity.load_harmonics()
-    axes = _find_earth_fixed(start_utc, gravity.load_orientation())
+    axes = find_earth_fixed_axes(start_utc, gravity.load_orientation())
 
     def accelerate(time_s: float | np.ndarray, r: np.ndarray) -> np.ndarray:
         turn = np.array([axes(t) for t in np.ravel(time_s).tolist()])  # (1 or point, 3, 3)
