@@ -10,7 +10,8 @@ Everything is in GCRS axes from the Earth's centre and in SI units, unless a nam
 - `Opm`: integration from a CCSDS OPM with the maneuvers of the message. `OrbitParameterMessage` has its covariance too,
   and `write_opm` writes one.
 - `J2`: mean elements with the secular and short-period effects of J2.
-- `Numerical`: numerical integration with `Forces` (`Drag`, `RadiationPressure`), `Impulse` and `Burn`.
+- `Numerical`: numerical integration with `Forces` (`Gravity`, `Drag` in an
+  `ExponentialAtmosphere` or `NrlmsisAtmosphere`, `RadiationPressure`), `Impulse` and `Burn`.
 - `Ephemeris`: interpolation of a table of states (CCSDS OEM or CSV).
 - `SpiceMotion`: kernels of NAIF's SPICE toolkit, with the extra `spice`; `write_spk` and `write_ck` write kernels.
 - `LunarKepler` and `LunarState`: two-body motion about the Moon, whose position a user's kernel gives.
@@ -82,7 +83,9 @@ if TYPE_CHECKING:
         sun_height_rad,
     )
     from rso_lidar.orbit.epochs import Epochs, format_utc
+    from rso_lidar.orbit.propagation.atmosphere import ExponentialAtmosphere, NrlmsisAtmosphere
     from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
+    from rso_lidar.orbit.propagation.gravity import Gravity
     from rso_lidar.orbit.propagation.integrator import OdeSolution
     from rso_lidar.orbit.propagation.j2 import (
         J2,
@@ -199,10 +202,12 @@ __all__ = [
     "ElementSet",
     "Ephemeris",
     "Epochs",
+    "ExponentialAtmosphere",
     "Fleet",
     "ForceModel",
     "Forces",
     "Geodetic",
+    "Gravity",
     "GroundStation",
     "Impulse",
     "Initial",
@@ -217,6 +222,7 @@ __all__ = [
     "Maneuver",
     "MotionBounds",
     "NamedTrajectory",
+    "NrlmsisAtmosphere",
     "Numerical",
     "OdeSolution",
     "Omm",
