@@ -92,6 +92,7 @@ if _TYPE_CHECKING:
         Target,
         Time,
         World,
+        facet_forces,
     )
     from rso_lidar.scene import Lambertian, Phong
     from rso_lidar.simulation import Simulation, flash, simulate
@@ -162,6 +163,7 @@ __all__ = [
     "dataset",
     "detector",
     "export",
+    "facet_forces",
     "flash",
     "loop",
     "motion",

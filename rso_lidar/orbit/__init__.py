@@ -78,7 +78,8 @@ if TYPE_CHECKING:
         sun_height_rad,
     )
     from rso_lidar.orbit.epochs import Epochs, format_utc
-    from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
+    from rso_lidar.orbit.propagation.facet_model import FacetForces, FacetModel, Finish, find_load
+    from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure, find_pressures_n_m2
     from rso_lidar.orbit.propagation.integrator import OdeSolution
     from rso_lidar.orbit.propagation.j2 import (
         J2,
@@ -176,6 +177,9 @@ __all__ = [
     "ElementSet",
     "Ephemeris",
     "Epochs",
+    "FacetForces",
+    "FacetModel",
+    "Finish",
     "Fleet",
     "ForceModel",
     "Forces",
@@ -239,8 +243,10 @@ __all__ = [
     "find_center_states",
     "find_eclipses",
     "find_ground_track",
+    "find_load",
     "find_minima",
     "find_minimum",
+    "find_pressures_n_m2",
     "find_spans_below",
     "format_utc",
     "foster_probability",

@@ -19,6 +19,7 @@ from pydantic import Field, Strict, model_validator
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.propagation.facet_model import FacetForces
 from rso_lidar.orbit.sky.almanac import Almanac
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.part import Flag, Part, Positive
@@ -97,6 +98,11 @@ class Forces(Part):
         default=None,
         description="Solar radiation pressure, with the Earth's conical shadow. If omitted, there is none.",
     )
+    facets: FacetForces | None = Field(
+        default=None,
+        description="Sunlight and air on the facets of a target that moves by `numerical`, at its attitude, in place of "
+        "`drag` and `radiation_pressure`. If omitted, there is none.",
+    )
     sun: Flag = Field(default=False, description="Whether the Sun's gravity acts.")
     moon: Flag = Field(default=False, description="Whether the Moon's gravity acts.")
 
@@ -106,6 +112,10 @@ class Forces(Part):
             raise ValueError(
                 "zonal_degree: must be 0 for a point mass, or 2 to 6, because J1 does not exist; use 0 or 2"
             )
+        if self.facets is not None:
+            for name, acts in (("drag", self.facets.drag), ("radiation_pressure", self.facets.sunlight)):
+                if acts and getattr(self, name) is not None:
+                    raise ValueError(f"{name} and facets would both act; leave one out")
         return self
 
     def acceleration(self, epochs: Epochs, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
@@ -154,7 +164,7 @@ class Forces(Part):
         ----------
         start_utc : start of the run
         """
-        if self.radiation_pressure is None:
+        if self.radiation_pressure is None and not (self.facets is not None and self.facets.sunlight):
             return None
         return functools.partial(_light_phase, _find_almanac(start_utc, sun=True, moon=self.moon))
 
@@ -171,10 +181,13 @@ class Forces(Part):
             its first value is the acceleration [m/s2]; its second is the magnitude [m/s2] of the forces with
             discontinuities: drag (rows of its table) and sunlight (shadow)
         """
-        pressure = self.radiation_pressure
-        sky = _find_almanac(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
+        pressure, facets = self.radiation_pressure, self.facets
+        if facets is not None:
+            facets.check_known()
+        lit = pressure is not None or facets is not None
+        sky = _find_almanac(start_utc, sun=self.sun or lit, moon=self.moon)
         zonals, drag = _ZONALS[: max(self.zonal_degree - 1, 0)], self.drag
-        needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
+        needs_sky = bool(zonals or drag or lit or self.sun or self.moon)
 
         def acceleration(t: float, r: Vector3, v: Vector3) -> tuple[Vector3, float]:
             """Return the acceleration [m/s2] of a body, and the magnitude of its discontinuous part [m/s2].
@@ -200,6 +213,11 @@ class Forces(Part):
                 total, rough = _add(total, push), math.hypot(*push)
             if pressure:
                 push = _sunlight_acceleration(pressure, r, radius, sun)
+                total, rough = _add(total, push), rough + math.hypot(*push)
+            if facets:
+                light = _find_light_pressure(r, radius, sun) if facets.sunlight else (0.0, 0.0, 0.0)
+                air = _find_air_pressure(r, radius, v, pole) if facets.drag else (0.0, 0.0, 0.0)
+                push = facets.accelerate(start_utc, t, r, v, light, air)
                 total, rough = _add(total, push), rough + math.hypot(*push)
             if self.sun:
                 total = _add(total, _third_body_acceleration(units.SUN_GM_M3_S2, r, sun))
@@ -261,6 +279,19 @@ def _zonal_acceleration(zonals: tuple[float, ...], r: Any, radius: Any, pole: Ve
 def _drag_acceleration(drag: Drag, r: Vector3, radius: float, v: Vector3, pole: Vector3) -> Vector3:
     """Return the acceleration by drag [m/s2].
 
+    Parameters
+    ----------
+    r, radius, v : position [m], its length, and velocity [m/s]
+    pole : unit vector along the Earth's axis
+    """
+    x, y, z = _find_air_pressure(r, radius, v, pole)
+    k = -drag.drag_coefficient * drag.area_m2 / drag.mass_kg
+    return k * x, k * y, k * z
+
+
+def _find_air_pressure(r: Vector3, radius: float, v: Vector3, pole: Vector3) -> Vector3:
+    """Return the dynamic pressure of the air along the velocity through it [N/m2].
+
     The altitude above the ellipsoid is of first order in the flattening, within 50 m (Vallado eq. 8-28).
 
     Parameters
@@ -276,13 +307,25 @@ def _drag_acceleration(drag: Drag, r: Vector3, radius: float, v: Vector3, pole: 
     x = v[0] - w * (pole[1] * r[2] - pole[2] * r[1])
     y = v[1] - w * (pole[2] * r[0] - pole[0] * r[2])
     z = v[2] - w * (pole[0] * r[1] - pole[1] * r[0])
-    speed = math.sqrt(x * x + y * y + z * z)
-    k = -0.5 * density * drag.drag_coefficient * drag.area_m2 / drag.mass_kg * speed
+    k = 0.5 * density * math.sqrt(x * x + y * y + z * z)
     return k * x, k * y, k * z
 
 
 def _sunlight_acceleration(pressure: RadiationPressure, r: Vector3, radius: float, sun: Vector3) -> Vector3:
     """Return the acceleration by sunlight [m/s2] (Montenbruck & Gill eq. 3.75), with the conical shadow of the Earth.
+
+    Parameters
+    ----------
+    r, radius : position [m] and its length
+    sun : position of the Sun [m]
+    """
+    x, y, z = _find_light_pressure(r, radius, sun)
+    k = -pressure.coefficient * pressure.area_m2 / pressure.mass_kg
+    return k * x, k * y, k * z
+
+
+def _find_light_pressure(r: Vector3, radius: float, sun: Vector3) -> Vector3:
+    """Return the pressure of sunlight along the direction to the Sun [N/m2], with the conical shadow of the Earth.
 
     Parameters
     ----------
@@ -297,9 +340,33 @@ def _sunlight_acceleration(pressure: RadiationPressure, r: Vector3, radius: floa
     # the penumbra widens by at most a hundredth of the distance behind the Earth
     if ahead < 0.1 * radius and aside < 1.01 * units.EARTH_RADIUS_M - 0.01 * ahead:
         lit = float(sunlit_fraction(np.array([r]), np.array([sun]))[0])
-    k = lit * units.SOLAR_PRESSURE_N_M2 * pressure.coefficient * pressure.area_m2 / pressure.mass_kg
-    k *= -((units.ASTRONOMICAL_UNIT_M / distance) ** 2) / distance
+    k = lit * units.SOLAR_PRESSURE_N_M2 * (units.ASTRONOMICAL_UNIT_M / distance) ** 2 / distance
     return k * to_sun[0], k * to_sun[1], k * to_sun[2]
+
+
+def find_pressures_n_m2(
+    epochs: Epochs, position_m: np.ndarray, velocity_m_s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the pressures of sunlight and of air on a body in orbit about the Earth, as vectors in GCRS axes.
+
+    Parameters
+    ----------
+    epochs : instants
+    position_m, velocity_m_s : (time, 3) states in GCRS axes [m], [m/s]
+
+    Returns
+    -------
+    pressure of sunlight along the direction to the Sun (time, 3) [N/m2], and dynamic pressure of the air along the velocity
+    through it (time, 3) [N/m2]
+    """
+    sky = _find_almanac(epochs.start_utc, sun=True, moon=False)
+    light, air = np.empty((len(epochs), 3)), np.empty((len(epochs), 3))
+    rows = zip(epochs.time_s.tolist(), position_m.tolist(), velocity_m_s.tolist(), strict=True)
+    for k, (t, r, v) in enumerate(rows):
+        pole, sun, _ = sky(t)
+        light[k] = _find_light_pressure(r, math.hypot(*r), sun)
+        air[k] = _find_air_pressure(r, math.hypot(*r), v, pole)
+    return light, air
 
 
 def _third_body_acceleration(gm: float, r: Vector3, body: Vector3) -> Vector3:
