@@ -93,6 +93,7 @@ if _TYPE_CHECKING:
         Target,
         Time,
         World,
+        facet_forces,
     )
     from rso_lidar.scene import Lambertian, Phong
     from rso_lidar.simulation import Simulation, flash, simulate
@@ -164,6 +165,7 @@ __all__ = [
     "detector",
     "draw",
     "export",
+    "facet_forces",
     "flash",
     "loop",
     "motion",

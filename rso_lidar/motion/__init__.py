@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         make_demand,
         simulate_drive,
     )
+    from rso_lidar.motion.attitudes.attitude_along import PrescribedAttitude
     from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
     from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
     from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from rso_lidar.motion.attitudes.slew import Slew
     from rso_lidar.motion.attitudes.spin import Spin, Tumble, load_spin_presets
     from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
+    from rso_lidar.motion.attitudes.torqued import Torqued
     from rso_lidar.motion.bodies.body import RESERVED_AXES, Axes, Body
     from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAngle, HingeAxes, PlannedAngle
     from rso_lidar.motion.bodies.orbital_axes import find_moon_m
@@ -79,6 +81,7 @@ __all__ = [
     "Orientation",
     "PlannedAngle",
     "PointingErrors",
+    "PrescribedAttitude",
     "Ptu",
     "Rtn",
     "ScanPoint",
@@ -92,6 +95,7 @@ __all__ = [
     "StateSpaceDrive",
     "SunPointing",
     "Table",
+    "Torqued",
     "TrackPoint",
     "Tumble",
     "add_lidar",

@@ -84,7 +84,8 @@ if TYPE_CHECKING:
     )
     from rso_lidar.orbit.epochs import Epochs, format_utc
     from rso_lidar.orbit.propagation.atmosphere import ExponentialAtmosphere, NrlmsisAtmosphere
-    from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
+    from rso_lidar.orbit.propagation.facet_model import FacetForces, FacetModel, Finish, find_load
+    from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure, find_pressures_n_m2
     from rso_lidar.orbit.propagation.gravity import Gravity
     from rso_lidar.orbit.propagation.integrator import OdeSolution
     from rso_lidar.orbit.propagation.j2 import (
@@ -203,6 +204,9 @@ __all__ = [
     "Ephemeris",
     "Epochs",
     "ExponentialAtmosphere",
+    "FacetForces",
+    "FacetModel",
+    "Finish",
     "Fleet",
     "ForceModel",
     "Forces",
@@ -268,8 +272,10 @@ __all__ = [
     "find_center_states",
     "find_eclipses",
     "find_ground_track",
+    "find_load",
     "find_minima",
     "find_minimum",
+    "find_pressures_n_m2",
     "find_spans_below",
     "format_utc",
     "foster_probability",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
+    from rso_lidar.records.facet_table import FacetTable, grid_directions
     from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation, Source, TargetEntry
     from rso_lidar.records.light import Bounces, Contours, Extent, Hits, Oversampled, Photons, Rays, Sky
     from rso_lidar.records.part_classes import OTHER, PART_CLASSES, PartClass
@@ -64,6 +65,7 @@ __all__ = [
     "Command",
     "Contours",
     "Extent",
+    "FacetTable",
     "FragmentKind",
     "Frame",
     "GnssSamples",
@@ -104,6 +106,7 @@ __all__ = [
     "classify_size",
     "compute_viewing_geometry",
     "find_shadow_spans_s",
+    "grid_directions",
     "join_samples",
     "rotation_error_rad",
     "specs",

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
         list_named_code,
         list_named_files,
     )
+    from rso_lidar.scenario.mission.surface_forces import (
+        facet_forces,
+    )
     from rso_lidar.scenario.mission.target_surfaces import (
         build_whole_surface,
         find_symmetry,
@@ -147,6 +150,7 @@ __all__ = [
     "build_fragment",
     "build_whole_surface",
     "cast_surfaces",
+    "facet_forces",
     "find_aspects",
     "find_examples",
     "find_probability",

@@ -44,6 +44,9 @@ if TYPE_CHECKING:
         warn_of_size,
     )
     from rso_lidar.scene.meshes.symmetry_check import SymmetryDeviation, measure_symmetry
+    from rso_lidar.scene.surface_forces.facet_laws import GasLaw
+    from rso_lidar.scene.surface_forces.solar_finishes import ASSUMED_FINISH, SOLAR_FINISHES
+    from rso_lidar.scene.surface_forces.tabulation import FacetLoads, measure_error, tabulate_loads
     from rso_lidar.scene.surfaces.articulation import Hinged, split_at_hinges
     from rso_lidar.scene.surfaces.examination import examine_file, examine_mesh
     from rso_lidar.scene.surfaces.portrait import find_top_heights, render_portrait, viewer_axes
@@ -52,10 +55,14 @@ else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "ASSUMED_FINISH",
     "MOST_HEIGHT_CELLS",
+    "SOLAR_FINISHES",
     "AnyMaterial",
     "ByWavelength",
     "Crinkled",
+    "FacetLoads",
+    "GasLaw",
     "Ggx",
     "Hinged",
     "Lambertian",
@@ -97,6 +104,7 @@ __all__ = [
     "load_height_field",
     "load_materials",
     "load_mesh",
+    "measure_error",
     "measure_symmetry",
     "model",
     "models",
@@ -106,6 +114,7 @@ __all__ = [
     "remove_model",
     "render_portrait",
     "split_at_hinges",
+    "tabulate_loads",
     "viewer_axes",
     "warn_of_repairs",
     "warn_of_size",

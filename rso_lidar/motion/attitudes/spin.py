@@ -143,14 +143,9 @@ def _check_inertia(inertia: Any) -> Any:
     return inertia
 
 
-class Tumble(Part):
-    """Torque-free tumbling of a rigid body of any inertia, in Jacobi's closed form.
+class RigidRotation(Part):
+    """Base of the rotations of a rigid body of any inertia, from its body rates and attitude at t = 0."""
 
-    `inertia_kg_m2` is three principal moments along the body axes, or a symmetric 3 x 3 tensor in body axes.
-    `body_rate_deg_s` and `quaternion_xyzw` (inertial_from_body) hold at t = 0.
-    """
-
-    type: Literal["tumble"] = "tumble"
     inertia_kg_m2: Annotated[Vector | tuple[Vector, Vector, Vector], BeforeValidator(_check_inertia)] = Field(
         description=(
             "Three principal moments of inertia along the body axes, or the symmetric inertia tensor in body axes [kg "
@@ -182,6 +177,16 @@ class Tumble(Part):
         """Inertia tensor (3, 3) in body axes [kg m2]."""
         given = np.asarray(self.inertia_kg_m2, dtype=float)
         return np.diag(given) if given.ndim == 1 else given
+
+
+class Tumble(RigidRotation):
+    """Torque-free tumbling of a rigid body of any inertia, in Jacobi's closed form.
+
+    `inertia_kg_m2` is three principal moments along the body axes, or a symmetric 3 x 3 tensor in body axes.
+    `body_rate_deg_s` and `quaternion_xyzw` (inertial_from_body) hold at t = 0.
+    """
+
+    type: Literal["tumble"] = "tumble"
 
     def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
         """Compute the attitude in closed form (Landau & Lifshitz, Mechanics, section 37).

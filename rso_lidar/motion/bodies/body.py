@@ -9,6 +9,7 @@ from rso_lidar.motion.attitudes.fmu_attitude import FmuAttitude
 from rso_lidar.motion.attitudes.law import Law, refuse_bare_lvlh
 from rso_lidar.motion.attitudes.situation import Attitude
 from rso_lidar.motion.attitudes.slew import Slew
+from rso_lidar.motion.attitudes.torqued import Torqued
 from rso_lidar.motion.bodies.hinge import HingeAxes
 from rso_lidar.motion.dynamics.commands import CommandedModel
 from rso_lidar.motion.motions.motion import AnyMotion, has_orbit
@@ -18,7 +19,7 @@ from rso_lidar.part import Name, Part, Seam
 RESERVED_AXES = ("inertial", "follower", "ptu", "lidar", "sun_direction")
 
 DescribedAttitude = Annotated[
-    Annotated[Law | Slew | StateSpaceAttitude | FmuAttitude, Field(discriminator="type")],
+    Annotated[Law | Slew | Torqued | StateSpaceAttitude | FmuAttitude, Field(discriminator="type")],
     BeforeValidator(refuse_bare_lvlh),
 ]
 AnyAttitude = Annotated[DescribedAttitude | Attitude, Seam(DescribedAttitude, Attitude)]

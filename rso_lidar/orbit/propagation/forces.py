@@ -19,6 +19,7 @@ from rso_lidar import units
 from rso_lidar.orbit.earth.earth_fixed import find_earth_fixed_axes
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.atmosphere import Atmosphere, ExponentialAtmosphere
+from rso_lidar.orbit.propagation.facet_model import FacetForces
 from rso_lidar.orbit.propagation.gravity import Gravity
 from rso_lidar.orbit.sky.almanac import Almanac, Vector3
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
@@ -75,6 +76,11 @@ class Forces(Part):
         default=None,
         description="Solar radiation pressure, with the Earth's conical shadow. If omitted, there is none.",
     )
+    facets: FacetForces | None = Field(
+        default=None,
+        description="Sunlight and air on the facets of a target that moves by `numerical`, at its attitude, in place of "
+        "`drag` and `radiation_pressure`. If omitted, there is none.",
+    )
     sun: Flag = Field(default=False, description="Whether the Sun's gravity acts.")
     moon: Flag = Field(default=False, description="Whether the Moon's gravity acts.")
 
@@ -86,6 +92,10 @@ class Forces(Part):
             )
         if self.gravity is not None and "zonal_degree" in self.model_fields_set:
             raise ValueError("gravity: takes the place of zonal_degree; leave zonal_degree out")
+        if self.facets is not None:
+            for name, acts in (("drag", self.facets.drag), ("radiation_pressure", self.facets.sunlight)):
+                if acts and getattr(self, name) is not None:
+                    raise ValueError(f"{name} and facets would both act; leave one out")
         return self
 
     @model_serializer(mode="wrap")
@@ -95,6 +105,13 @@ class Forces(Part):
         if self.gravity is not None:
             fields.pop("zonal_degree", None)
         return fields
+
+    @property
+    def _atmosphere(self) -> Atmosphere | None:
+        """The air that acts, on a sphere or on facets; None where none does."""
+        if self.drag is not None:
+            return self.drag.atmosphere
+        return self.facets.atmosphere if self.facets is not None and self.facets.drag else None
 
     def describe_gravity(self) -> str:
         """Describe the Earth's gravity in a few words; an empty text for a point mass."""
@@ -151,11 +168,12 @@ class Forces(Part):
         ----------
         start_utc : start of the run
         """
-        sky = _find_almanac(start_utc, sun=self.radiation_pressure is not None, moon=self.moon)
-        interval = None if self.drag is None else self.drag.atmosphere.interval_along(sky)
-        if self.radiation_pressure is None and interval is None:
+        lit = self.radiation_pressure is not None or (self.facets is not None and self.facets.sunlight)
+        sky = _find_almanac(start_utc, sun=lit, moon=self.moon)
+        air = self._atmosphere
+        interval = None if air is None else air.interval_along(sky)
+        if not lit and interval is None:
             return None
-        lit = self.radiation_pressure is not None
         return lambda t, r: (_light_phase(sky, t, r) if lit else 0, interval(t) if interval else 0)
 
     def field(self, start_utc: datetime.datetime) -> ForceField:
@@ -171,12 +189,16 @@ class Forces(Part):
             its first value is the acceleration [m/s2]; its second is the magnitude [m/s2] of the forces with
             discontinuities: drag in rows of a table, and sunlight (shadow)
         """
-        pressure, drag = self.radiation_pressure, self.drag
-        sky = _find_almanac(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
+        pressure, drag, facets = self.radiation_pressure, self.drag, self.facets
+        if facets is not None:
+            facets.check_known()
+        sky = _find_almanac(start_utc, sun=self.sun or pressure is not None or facets is not None, moon=self.moon)
         zonals = _ZONALS[: max(self.zonal_degree - 1, 0)] if self.gravity is None else ()
         gm, perturb = (GM, None) if self.gravity is None else _perturb_earth_fixed(self.gravity, start_utc)
-        needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
-        density = drag.atmosphere.density_along(sky) if drag else None
+        needs_sky = bool(zonals or drag or pressure or facets or self.sun or self.moon)
+        air = self._atmosphere
+        density = None if air is None else air.density_along(sky)
+        air_is_rough = air is not None and air.has_rows
 
         def acceleration(t: float, r: Vector3, v: Vector3) -> tuple[Vector3, float]:
             """Return the acceleration [m/s2] of a body, and the magnitude of its discontinuous part [m/s2].
@@ -201,9 +223,14 @@ class Forces(Part):
                 total = _add(total, _zonal_acceleration(zonals, r, radius, pole))
             if drag and density:
                 push = _drag_acceleration(drag, density(t, r), r, v, pole)
-                total, rough = _add(total, push), math.hypot(*push) if drag.atmosphere.has_rows else 0.0
+                total, rough = _add(total, push), math.hypot(*push) if air_is_rough else 0.0
             if pressure:
                 push = _sunlight_acceleration(pressure, r, radius, sun)
+                total, rough = _add(total, push), rough + math.hypot(*push)
+            if facets:
+                light = _find_light_pressure(r, radius, sun) if facets.sunlight else (0.0, 0.0, 0.0)
+                flow = _find_air_pressure(density(t, r), r, v, pole) if facets.drag and density else (0.0, 0.0, 0.0)
+                push = facets.accelerate(start_utc, t, r, v, light, flow)
                 total, rough = _add(total, push), rough + math.hypot(*push)
             if self.sun:
                 total = _add(total, _third_body_acceleration(units.SUN_GM_M3_S2, r, sun))
@@ -294,19 +321,45 @@ def _drag_acceleration(drag: Drag, density: float, r: Vector3, v: Vector3, pole:
     r, v : position [m] and velocity [m/s]
     pole : unit vector along the Earth's axis
     """
+    x, y, z = _find_air_pressure(density, r, v, pole)
+    k = -drag.drag_coefficient * drag.area_m2 / drag.mass_kg
+    return k * x, k * y, k * z
+
+
+def _find_air_pressure(density: float, r: Vector3, v: Vector3, pole: Vector3) -> Vector3:
+    """Return the dynamic pressure of the air along the velocity through it [N/m2].
+
+    Parameters
+    ----------
+    density : of the air [kg/m3]
+    r, v : position [m] and velocity [m/s]
+    pole : unit vector along the Earth's axis
+    """
     if density == 0.0:
         return 0.0, 0.0, 0.0
     w = units.EARTH_ROTATION_RAD_S
     x = v[0] - w * (pole[1] * r[2] - pole[2] * r[1])
     y = v[1] - w * (pole[2] * r[0] - pole[0] * r[2])
     z = v[2] - w * (pole[0] * r[1] - pole[1] * r[0])
-    speed = math.sqrt(x * x + y * y + z * z)
-    k = -0.5 * density * drag.drag_coefficient * drag.area_m2 / drag.mass_kg * speed
+    k = 0.5 * density * math.sqrt(x * x + y * y + z * z)
     return k * x, k * y, k * z
 
 
 def _sunlight_acceleration(pressure: RadiationPressure, r: Vector3, radius: float, sun: Vector3) -> Vector3:
     """Return the acceleration by sunlight [m/s2] (Montenbruck & Gill eq. 3.75), with the conical shadow of the Earth.
+
+    Parameters
+    ----------
+    r, radius : position [m] and its length
+    sun : position of the Sun [m]
+    """
+    x, y, z = _find_light_pressure(r, radius, sun)
+    k = -pressure.coefficient * pressure.area_m2 / pressure.mass_kg
+    return k * x, k * y, k * z
+
+
+def _find_light_pressure(r: Vector3, radius: float, sun: Vector3) -> Vector3:
+    """Return the pressure of sunlight along the direction to the Sun [N/m2], with the conical shadow of the Earth.
 
     Parameters
     ----------
@@ -321,9 +374,38 @@ def _sunlight_acceleration(pressure: RadiationPressure, r: Vector3, radius: floa
     # the penumbra widens by at most a hundredth of the distance behind the Earth
     if ahead < 0.1 * radius and aside < 1.01 * units.EARTH_RADIUS_M - 0.01 * ahead:
         lit = float(sunlit_fraction(np.array([r]), np.array([sun]))[0])
-    k = lit * units.SOLAR_PRESSURE_N_M2 * pressure.coefficient * pressure.area_m2 / pressure.mass_kg
-    k *= -((units.ASTRONOMICAL_UNIT_M / distance) ** 2) / distance
+    k = lit * units.SOLAR_PRESSURE_N_M2 * (units.ASTRONOMICAL_UNIT_M / distance) ** 2 / distance
     return k * to_sun[0], k * to_sun[1], k * to_sun[2]
+
+
+def find_pressures_n_m2(
+    epochs: Epochs,
+    position_m: np.ndarray,
+    velocity_m_s: np.ndarray,
+    atmosphere: Atmosphere = ExponentialAtmosphere(),  # noqa: B008 - a part is frozen
+) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the pressures of sunlight and of air on a body in orbit about the Earth, as vectors in GCRS axes.
+
+    Parameters
+    ----------
+    epochs : instants
+    position_m, velocity_m_s : (time, 3) states in GCRS axes [m], [m/s]
+    atmosphere : density of the air
+
+    Returns
+    -------
+    pressure of sunlight along the direction to the Sun (time, 3) [N/m2], and dynamic pressure of the air along the velocity
+    through it (time, 3) [N/m2]
+    """
+    sky = _find_almanac(epochs.start_utc, sun=True, moon=False)
+    density = atmosphere.density_along(sky)
+    light, air = np.empty((len(epochs), 3)), np.empty((len(epochs), 3))
+    rows = zip(epochs.time_s.tolist(), position_m.tolist(), velocity_m_s.tolist(), strict=True)
+    for k, (t, r, v) in enumerate(rows):
+        pole, sun, _ = sky(t)
+        light[k] = _find_light_pressure(r, math.hypot(*r), sun)
+        air[k] = _find_air_pressure(density(t, r), r, v, pole)
+    return light, air
 
 
 def _third_body_acceleration(gm: float, r: Vector3, body: Vector3) -> Vector3:

@@ -18,6 +18,7 @@ from rso_lidar import units
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.propagation.facet_model import AttitudeAlong, FacetForces, FindTable
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.integrator import OdeSolution
 from rso_lidar.orbit.propagation.j2 import J2
@@ -97,6 +98,21 @@ class Numerical(Part):
         return self
 
     @property
+    def facet_model(self) -> FacetForces | None:
+        """Settings of sunlight and air on the facets of the body; None where they do not act."""
+        return self.forces.facets
+
+    def with_table(self, find_table: FindTable, attitude: AttitudeAlong) -> Self:
+        """Return the motion of a body whose facets and attitude are known.
+
+        Parameters
+        ----------
+        find_table, attitude : as for `FacetForces.with_table`
+        """
+        assert self.forces.facets is not None
+        return self.replace(forces=self.forces.replace(facets=self.forces.facets.with_table(find_table, attitude)))
+
+    @property
     def force_model(self) -> ForceModel:
         """Forces and maneuvers of the integration."""
         return ForceModel(self.forces, self.maneuvers)
@@ -133,7 +149,7 @@ class Numerical(Part):
         start_utc : start of the run; not used
         """
         forces, count = self.forces, len(self.maneuvers)
-        others = [name for name in ("drag", "radiation_pressure", "sun", "moon") if getattr(forces, name)]
+        others = [name for name in ("drag", "radiation_pressure", "facets", "sun", "moon") if getattr(forces, name)]
         words = [forces.describe_gravity() or "a point", *(name.replace("_", " ") for name in others)]
         if count:
             words.append(f"{count} maneuver{'s' * (count > 1)} of {self.delta_v_m_s:.4g} m/s")

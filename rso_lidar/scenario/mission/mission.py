@@ -20,6 +20,7 @@ from rso_lidar.scenario.mission.exposure import Exposure
 from rso_lidar.scenario.mission.moon_missions import check_lunar_orbits
 from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics, list_fmus
 from rso_lidar.scenario.mission.sensor_checks import check_sensors, check_tracked_name
+from rso_lidar.scenario.mission.surface_forces import bind_facets
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces
 from rso_lidar.scenario.mission.validation import read_toml, validate_tables, validate_toml
 from rso_lidar.scenario.tables.constraints import Constraints
@@ -252,6 +253,9 @@ class Mission(Part):
                 resolved_part = seeded(_mix_seed(self.seed, body.name))
             if resolved_part is not part:
                 changes[place] = resolved_part
+        body = body.replace(**changes) if changes else body
+        with self.locate_errors(body.name):
+            changes = bind_facets(body, self.file, self.lidar.laser.wavelength_m)
         return body.replace(**changes) if changes else body
 
     @cached_property

@@ -115,6 +115,29 @@ def build_whole_surface(
     return surface
 
 
+def name_part_materials(target: Target, mesh: Mesh) -> dict[str, str]:
+    """Return the catalogue's material of each part that has one, by the names of parts; single facets do not count.
+
+    Parameters
+    ----------
+    target : the target
+    mesh : its mesh
+    """
+    own: dict[str, Material | str] = {}
+    if target.fragment is not None and target.material is None:
+        own = dict(build_fragment(target.fragment).materials)
+    elif not target.is_path and target.material is None and target.library is None:
+        own = dict(model(target.shape).parts)
+    named = {}
+    for part in mesh.part_names:
+        material = target.part_materials.get(part, own.get(part, target.material))
+        if isinstance(material, Named):
+            named[part] = material.name
+        elif isinstance(material, str):
+            named[part] = material
+    return named
+
+
 def _is_lasting(materials: tuple[Material, ...]) -> bool:
     """Return whether materials are parts, which do not change, and can be compared quickly."""
     try:

@@ -1,0 +1,113 @@
+"""Exposure: points on the facets of a target, and which of them see the source of light or of air."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.kernels import packed
+from rso_lidar.scene.casting.shadows import OFF_THE_FACET, mark_shadowed
+from rso_lidar.scene.embree.engine import engine
+from rso_lidar.scene.surfaces.surface import Surface
+
+_EACH = 2.0  # facets over points up to which every facet has a point of its own
+_STEP = (0.7548776662466927, 0.5698402909980532)  # R2 sequence: inverse powers of the plastic number (Roberts 2018)
+
+
+@dataclass(frozen=True, eq=False)
+class FacetPoints:
+    """Points on the facets of one surface, each for a share of the area.
+
+    Attributes
+    ----------
+    position : (xyz, point) f8, in the axes of the surface [m]
+    normal : (xyz, point) f8, unit normal of the facet, by winding
+    area : (point) f8, area that the point stands for [m2]
+    part : (point), number of the part
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
+    part: np.ndarray
+
+
+def spread_points(surface: Surface, count: int) -> FacetPoints:
+    """Spread points over the facets of a surface, as evenly as their areas allow.
+
+    The points of a facet have its centroid. Facets with the same corners share one area. Where facets are more than twice
+    as many as points, single facets stand for their neighbours in the mesh.
+
+    Parameters
+    ----------
+    surface : the surface
+    count : number of points, about
+    """
+    corners = surface.corners
+    areas = surface.areas_m2 / _count_copies(corners)
+    step = areas.sum() / count
+    if len(areas) <= _EACH * count:
+        number = np.maximum(np.rint(areas / step), 1.0).astype(int)
+        weight = areas / number
+    else:
+        number = np.diff(np.floor(np.append(0.0, np.cumsum(areas)) / step + 0.5)).astype(int)
+        weight = np.where(number > 1, areas / np.maximum(number, 1), step)
+        weight *= areas.sum() / float(weight @ number)
+    facet = np.repeat(np.arange(len(areas)), number)
+    k = np.arange(len(facet)) - np.repeat(np.cumsum(number) - number, number)
+    u, v = (np.mod(0.5 + (k + 1) * step_k, 1.0) for step_k in _STEP)
+    folded = u + v > 1.0
+    u, v = np.where(folded, 1.0 - u, u), np.where(folded, 1.0 - v, v)
+    a, b, c = corners[facet, 0], corners[facet, 1], corners[facet, 2]
+    points = a + u[:, None] * (b - a) + v[:, None] * (c - a)
+    middle = np.stack([np.bincount(facet, points[:, axis], len(areas)) for axis in range(3)], axis=1)
+    middle = middle / np.maximum(number, 1)[:, None]
+    points += (corners.mean(axis=1) - middle)[facet]
+    return FacetPoints(packed(points.T), packed(surface.planes[:3, facet]), weight[facet], surface.part[facet])
+
+
+def _count_copies(corners: np.ndarray) -> np.ndarray:
+    """Return how many facets have the same three corners (facet, corner, xyz) as each (facet)."""
+    single = np.sort(corners.astype(np.float32).view([("x", "f4"), ("y", "f4"), ("z", "f4")])[..., 0], axis=1)
+    as_bytes = np.ascontiguousarray(single).view(np.dtype((np.void, 36))).ravel()
+    _, inverse, count = np.unique(as_bytes, return_inverse=True, return_counts=True)
+    copies: np.ndarray = count[inverse.reshape(-1)]
+    return copies
+
+
+def find_free(
+    position: np.ndarray,
+    facing: np.ndarray,
+    toward: np.ndarray,
+    surfaces: Sequence[Surface],
+    poses: Sequence[tuple[np.ndarray, np.ndarray]],
+) -> np.ndarray:
+    """Find the points from which no surface hides the source.
+
+    Parameters
+    ----------
+    position, facing, toward : (xyz, point) in body axes: points [m], normals of the sides that are asked for, and unit
+        vectors toward the source
+    surfaces : all surfaces of the target
+    poses : of each surface, its origin (xyz) [m] and rotation (3, 3) in body axes
+
+    Returns
+    -------
+    (point) bool
+    """
+    count = position.shape[1]
+    met, asked, reach = np.zeros(count, dtype=bool), np.ones(count, dtype=bool), np.full(count, np.inf)
+    size = max(
+        float(np.linalg.norm(surface.sphere[0] + pose[0])) + surface.sphere[1]
+        for surface, pose in zip(surfaces, poses, strict=True)
+    )
+    rays = asked, packed(position), packed(facing), OFF_THE_FACET * size, packed(toward), reach
+    embree = engine()
+    for surface, (origin, turn) in zip(surfaces, poses, strict=True):
+        scene, sphere = surface.scene(embree), np.append(*surface.sphere)
+        placed = packed(-turn.T @ origin), packed(turn.T), packed(sphere)
+        mark_shadowed(met, *rays, *placed, embree.occluded, scene.address, embree.width)
+        embree.check()
+    return ~met
