@@ -229,8 +229,8 @@ class Dispersion(StateErrors):
         default=False,
         description=(
             "Whether the errors of the start are those of the state relative to the target, as a fit of ranges and "
-            "directions states them. The target's own errors then move both bodies. If false, they are those of the follower's own "
-            "state."
+            "directions states them. The target's own errors then move both bodies. If false, they are those of the "
+            "follower's own state."
         ),
     )
     cross_covariance: tuple[Row, Row, Row, Row, Row, Row] | None = Field(

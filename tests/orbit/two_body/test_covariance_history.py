@@ -62,7 +62,7 @@ def test_beyond_its_epochs_a_covariance_is_an_error_or_propagated():
     turn = orbit_state_matrix("rtn", np.array(LOW.position_m), np.array(LOW.velocity_m_s))
     given = turn @ RTN @ turn.T
     history = CovarianceHistory("craft", "file", LOW, Epochs(START, np.zeros(1)), given[None])
-    with pytest.raises(PropagationError, match="does not cover 1 of 2 instants, first 2024-09-17T12:10:00.000Z"):
+    with pytest.raises(PropagationError, match=r"does not cover 1 of 2 instants, first 2024-09-17T12:10:00\.000Z"):
         history.at(Epochs(START, np.array([0.0, 600.0])))
     forward = history.at(Epochs(START, np.array([600.0])), beyond="two_body")
     there = CovarianceHistory("craft", "file", LOW, Epochs(START, np.array([600.0])), forward)
