@@ -36,7 +36,9 @@ def test_a_sphere_of_facets_flies_as_the_cannonball():
     known = Numerical(initial=LOW, forces=Forces(facets=FacetForces(mass_kg=100.0))).with_table(
         lambda: sphere, PrescribedAttitude(Rtn(euler_zyx_deg=(20.0, 30.0, 40.0)))
     )
-    ball = Forces(drag=Drag(area_m2=3.0, mass_kg=100.0), radiation_pressure=RadiationPressure(area_m2=4.0, mass_kg=100.0))
+    ball = Forces(
+        drag=Drag(area_m2=3.0, mass_kg=100.0), radiation_pressure=RadiationPressure(area_m2=4.0, mass_kg=100.0)
+    )
     epochs = Epochs(START, np.array([1500.0]))
     there, expected = known.states(epochs), Numerical(initial=LOW, forces=ball).states(epochs)
     free = Numerical(initial=LOW).states(epochs)
