@@ -71,7 +71,7 @@ def test_a_constant_torque_spins_a_body_up_by_its_impulse():
 
 
 def test_a_propeller_of_four_mirrors_spins_up_at_its_averaged_rate():
-    """Plates of area A, arm r, pitched by 30 degrees, spinning about the Sun line: T = 4 A r 2 cos^2(b) sin(b), Sun along z."""
+    """Plates of area A, arm r, pitch b of 30 degrees, about the Sun line: T = 4 A r 2 cos^2(b) sin(b)."""
     pitch, ways = np.pi / 6, grid_directions(24, 48)
     torque = np.zeros(ways.shape)
     for turn in np.arange(4) * np.pi / 2:
