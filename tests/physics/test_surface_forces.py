@@ -36,7 +36,9 @@ def test_a_sphere_of_facets_flies_as_the_cannonball():
     known = Numerical(initial=LOW, forces=Forces(facets=FacetForces(mass_kg=100.0))).with_table(
         lambda: sphere, PrescribedAttitude(Rtn(euler_zyx_deg=(20.0, 30.0, 40.0)))
     )
-    ball = Forces(drag=Drag(area_m2=3.0, mass_kg=100.0), radiation_pressure=RadiationPressure(area_m2=4.0, mass_kg=100.0))
+    ball = Forces(
+        drag=Drag(area_m2=3.0, mass_kg=100.0), radiation_pressure=RadiationPressure(area_m2=4.0, mass_kg=100.0)
+    )
     epochs = Epochs(START, np.array([1500.0]))
     there, expected = known.states(epochs), Numerical(initial=LOW, forces=ball).states(epochs)
     free = Numerical(initial=LOW).states(epochs)
@@ -69,7 +71,7 @@ def test_a_constant_torque_spins_a_body_up_by_its_impulse():
 
 
 def test_a_propeller_of_four_mirrors_spins_up_at_its_averaged_rate():
-    """Plates of area A, arm r, pitched by 30 degrees, spinning about the Sun line: T = 4 A r 2 cos^2(b) sin(b), Sun along z."""
+    """Plates of area A, arm r, pitch b of 30 degrees, about the Sun line: T = 4 A r 2 cos^2(b) sin(b)."""
     pitch, ways = np.pi / 6, grid_directions(24, 48)
     torque = np.zeros(ways.shape)
     for turn in np.arange(4) * np.pi / 2:

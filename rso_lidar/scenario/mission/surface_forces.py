@@ -181,8 +181,6 @@ def bind_facets(body: Body, file: Callable[[str], Path], wavelength_m: float) ->
 
     Parameters
     ----------
-    body : the body; one without a mesh gets nothing
-    file : finds a mesh that the scenario names
     wavelength_m : of the laser [m]
     """
     changes: dict[str, Any] = {}

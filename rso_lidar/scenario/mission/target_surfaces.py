@@ -116,13 +116,7 @@ def build_whole_surface(
 
 
 def name_part_materials(target: Target, mesh: Mesh) -> dict[str, str]:
-    """Return the catalogue's material of each part that has one, by the names of parts; single facets do not count.
-
-    Parameters
-    ----------
-    target : the target
-    mesh : its mesh
-    """
+    """Return the catalogue's material of each part that has one, by the names of parts; single facets do not count."""
     own: dict[str, Material | str] = {}
     if target.fragment is not None and target.material is None:
         own = dict(build_fragment(target.fragment).materials)

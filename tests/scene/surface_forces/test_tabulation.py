@@ -1,5 +1,6 @@
 """Loads of sunlight and air on facets, against closed forms."""
 
+import itertools
 import math
 
 import numpy as np
@@ -79,7 +80,7 @@ def test_a_cylinder_along_the_flow_is_dragged_by_its_wall_too():
     turn = 2 * np.pi * np.arange(97) / 96
     rim = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     facets = []
-    for a, b in zip(rim[:-1], rim[1:], strict=True):
+    for a, b in itertools.pairwise(rim):
         low, high = np.array([*a, -3.0]), np.array([*a, 3.0])
         low2, high2 = np.array([*b, -3.0]), np.array([*b, 3.0])
         facets += [[low, low2, high2], [low, high2, high], [[0, 0, 3.0], high, high2], [[0, 0, -3.0], low2, low]]
