@@ -166,7 +166,9 @@ class FilteredFlight:
         moved = flow.advance(node, self._bank.orbit)
         if thrust is not None:  # the path has the true errors of thrust, so the estimate lacks them
             moved = moved - thrust @ self._true_thrust
-        self._bank.predict(moved, flow.transition(node), self._part.find_noise(end_s - begin_s), thrust, step_s=end_s - begin_s)
+        self._bank.predict(
+            moved, flow.transition(node), self._part.find_noise(end_s - begin_s), thrust, step_s=end_s - begin_s
+        )
 
     def _find_errors(self, leg: HeldThrust, stage_s: np.ndarray) -> HeldThrustErrors:
         """Return what the errors of the thrust of a leg do at instants (stage,) [s]."""

@@ -210,7 +210,7 @@ class FilterBank:
         off = np.arctan2(np.sqrt(_dot_square(np.cross(expected, true_m, axis=0))), np.sum(expected * true_m, axis=0))
         seen = sensor.can_measure(_split(true_m)[0], off)
         variances = self._find_variances(sensor, expected)
-        places, local = np.arange(3), np.arange(3)  # of the states that are measured, and in `values`
+        places, local = np.arange(3), np.arange(3)  # of the measured states: among all, and among `values`
         if self.has_slow:
             places = np.append(places, self.slow_places.start + mine)
             local = np.arange(len(places))
@@ -222,7 +222,7 @@ class FilterBank:
                 moves = self._slow.find_shifts(mine, point, axes)
                 point = point - _combine(moves, values[3:]) if len(values) > 3 else point
             rows = _linearise(point, turned, seen_range_m if sensor.measures_range else None)
-            return [(slope, -np.sum(slope[:, None] * moves, axis=0), at) for slope, at in rows]
+            return [(slope, -_sum_products(slope[:, None], moves), at) for slope, at in rows]
 
         base = self.state[places]
         base[:3] = expected
@@ -231,7 +231,7 @@ class FilterBank:
             moved, kept = base, spread
             for (slope, slow_slope, at), variance in zip(linearise(values), variances, strict=False):
                 whole = np.concatenate([slope, slow_slope])[local]
-                innovation = at - np.sum(whole * moved, axis=0)
+                innovation = at - _sum_products(whole, moved)
                 moved, kept, _ = _assimilate(moved, kept, local, whole, innovation, variance, still=still_here)
             values = np.where(seen, moved, values)
         updates = []
@@ -240,7 +240,7 @@ class FilterBank:
             base = self.state[places]
             base[:3] += reference_m
             self.state, self.covariance, gain = _assimilate(
-                self.state, self.covariance, places, whole, at - np.sum(whole * base, axis=0), variance, seen, still
+                self.state, self.covariance, places, whole, at - _sum_products(whole, base), variance, seen, still
             )
             by_error = np.zeros((len(self._slow), slope.shape[1]))
             by_error[mine] = slow_slope
@@ -331,7 +331,7 @@ def _assimilate(
     slope : (k, run) derivative of the measurement by these
     innovation, variance : (run,) measured less expected, and the variance of the measurement
     seen : (run,) whether there is a measurement; None if there is in all
-    still : states that are considered, not estimated
+    still : states that are considered, not estimated; None (default) for none
     """
     crossed = _project(covariance, places, slope)
     gain = crossed / (_project(crossed[None], places, slope)[0] + variance)
@@ -352,10 +352,17 @@ def _project(matrix: np.ndarray, places: np.ndarray, slope: np.ndarray) -> np.nd
     return product
 
 
+def _sum_products(values: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return the sum (…, run) of products (k, …, run) over the first axis, with the same bits for a run alone."""
+    total: np.ndarray = values[0] * others[0]
+    for k in range(1, len(values)):
+        total = total + values[k] * others[k]
+    return total
+
+
 def _combine(moves: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the sum (3, run) of displacements (3, error, run) times values (error, run)."""
-    total: np.ndarray = np.sum(moves * values[None], axis=1)
-    return total
+    return _sum_products(moves.swapaxes(0, 1), values[:, None])
 
 
 def _split(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
 """Errors of sensors that are not white: biases of range and boresight, and a visible centroid that wanders on the target.
 
-Each is a constant, or a first-order Gauss-Markov process (Gelb, Applied Optimal Estimation, 1974, sec. 3.8), along three axes:
+Each is a constant, or a first-order Gauss-Markov process (Gelb, Applied Optimal Estimation, 1974, sec. 3.8). Their axes are
 along the line of sight away from the sensor, across it in the orbital plane, and across it out of that plane.
 """
 
@@ -36,7 +36,9 @@ class SensorBias(Part):
     @model_validator(mode="after")
     def _has_size(self) -> Self:
         if not (self.range_sigma_m or self.bearing_sigma_deg):
-            raise ValueError("range_sigma_m and bearing_sigma_deg are both 0: there is no bias; give one, or leave it out")
+            raise ValueError(
+                "range_sigma_m and bearing_sigma_deg are both 0: there is no bias; give one, or leave it out"
+            )
         return self
 
 
@@ -60,7 +62,9 @@ class CentroidWander(Part):
     @model_validator(mode="after")
     def _has_size(self) -> Self:
         if not (self.along_sigma_m or self.across_sigma_m):
-            raise ValueError("along_sigma_m and across_sigma_m are both 0: there is no wander; give one, or leave it out")
+            raise ValueError(
+                "along_sigma_m and across_sigma_m are both 0: there is no wander; give one, or leave it out"
+            )
         return self
 
 
@@ -84,6 +88,12 @@ class SlowError:
     sigma: float
     is_angle: bool
     correlation_time_s: float
+
+    @property
+    def name(self) -> str:
+        """Its name with its unit, such as `bias_range_m` or `centroid_in_plane_m`."""
+        first = "range" if self.source == "bias" else "along"
+        return f"{self.source}_{(first, 'in_plane', 'out_of_plane')[self.axis]}_{'rad' if self.is_angle else 'm'}"
 
 
 class SlowErrors:

@@ -46,7 +46,7 @@ class _SourceColumns:
     ----------
     craft : (6, column) deviations at the start that errors of the start cause, inertial axes
     estimate_states : states of the filter; 0 without one
-    slow_errors : number of slow errors of the sensors
+    slow_errors : number of slow errors of the sensors; 0 without a filter
     """
 
     def __init__(self, craft: np.ndarray, estimate_states: int, slow_errors: int) -> None:
@@ -111,7 +111,7 @@ class _SourceColumns:
 
 def list_sources(flight: DispersedFlight) -> tuple[str, ...]:
     """List the names of the sources of errors of a flight."""
-    listed = SOURCES
+    listed: tuple[str, ...] = SOURCES
     if flight.filter is not None:
         here = {error.source for error in flight.filter.slow.errors}
         listed += tuple(name for name in SENSOR_SOURCES if name in here)
