@@ -26,7 +26,7 @@ class SensorBias(Part):
     range_sigma_m: NotNegative = Field(default=0.0, description="Standard deviation of the bias of ranges [m].")
     bearing_sigma_deg: Annotated[NotNegative, Field(le=10.0)] = Field(
         default=0.0,
-        description="Standard deviation of the bias of directions, each of in the orbital plane and out of it [deg].",
+        description="Standard deviation of the bias of directions in the orbital plane, and out of it [deg].",
     )
     correlation_time_s: Positive | None = Field(
         default=None,
@@ -52,7 +52,7 @@ class CentroidWander(Part):
         default=0.0, description="Standard deviation along the line of sight [m]. A camera does not measure it."
     )
     across_sigma_m: NotNegative = Field(
-        default=0.0, description="Standard deviation across it, each of in the orbital plane and out of it [m]."
+        default=0.0, description="Standard deviation across it in the orbital plane, and out of it [m]."
     )
     correlation_time_s: Positive | None = Field(
         default=None,
