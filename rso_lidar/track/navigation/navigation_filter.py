@@ -48,8 +48,8 @@ class NavigationFilter:
         accelerations of the follower and of the target that are not modelled, each axis [m/s²/√Hz]
     oblate : whether the Earth's J2 acts on both
     has_gravity : False in a local world
-    bias, centroid : slow errors of fixes, which are states too: bias of range and boresight, and wander of the centroid. Their
-        axes are those of the line of sight and the target's orbit; in a local world z takes the place of the orbit normal
+    bias, centroid : slow errors of fixes, which are states too: bias of range and boresight, and wander of the centroid.
+        Their axes are those of the line of sight and the target's orbit; in a local world z stands for the orbit normal
     """
 
     def __init__(
