@@ -127,7 +127,12 @@ class SlowErrors:
         return len(self.errors)
 
     def find_places(self, sensor: int) -> np.ndarray:
-        """Return the indices (error,) of the errors of a sensor."""
+        """Return the indices (error,) of the errors of a sensor.
+
+        Parameters
+        ----------
+        sensor : its index
+        """
         return np.flatnonzero([error.sensor == sensor for error in self.errors])
 
     def find_step(self, step_s: float | None) -> tuple[np.ndarray, np.ndarray]:
