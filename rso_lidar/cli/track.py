@@ -1,5 +1,6 @@
 """`rso-lidar track`: reference trackers on a recording, and their errors against the truth."""
 
+import contextlib
 from pathlib import Path
 from typing import Annotated
 
@@ -10,10 +11,11 @@ from rso_lidar import export, units
 from rso_lidar.cli.arguments import Dark, Overwrite, RecordedFrames, RecordingFile, choose_scheme, select_frames
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
-from rso_lidar.errors import RecordingError
-from rso_lidar.evaluation import Tracking, tracking
+from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.evaluation import Tracking, measure_centroid_wander, tracking
 from rso_lidar.files import check_writable
 from rso_lidar.picture import RESULT_SUFFIXES
+from rso_lidar.rpo import CentroidWander, SensorBias
 from rso_lidar.track import FEWEST_POSE_POINTS, nis_bounds
 
 
@@ -34,6 +36,18 @@ def track(
     shape: Annotated[
         bool, typer.Option("--shape/--no-shape", help="Whether the filters allow for the shape of the model.")
     ] = True,
+    wander: Annotated[
+        str | None,
+        typer.Option(
+            "--wander",
+            metavar="M,M,S",
+            help="Wander of the centroid that the filters estimate: metres along and across, correlation time [s].",
+        ),
+    ] = None,
+    range_bias_m: Annotated[
+        float | None,
+        typer.Option("--range-bias", metavar="M", help="Sigma of a constant range bias that the filters estimate [m]."),
+    ] = None,
     icp: Annotated[bool, typer.Option("--icp/--no-icp", help="Whether ICP runs, 0.2 to 2 s a frame.")] = True,
     dark: Dark = False,
     overwrite: Overwrite = False,
@@ -46,6 +60,9 @@ def track(
         raise RecordingError(f"--range-noise {range_noise_m:g}: needs metres above 0")
     if not 0.0 <= acceleration < np.inf:
         raise RecordingError(f"--acceleration {acceleration:g}: needs a number from 0")
+    if range_bias_m is not None and not 0.0 < range_bias_m < np.inf:
+        raise RecordingError(f"--range-bias {range_bias_m:g}: needs metres above 0")
+    centroid = None if wander is None else _read_wander(wander)
     with export.open(recording) as read:
         some = export.Frames(read, select_frames(read, frames))
         quality = tracking(
@@ -56,6 +73,8 @@ def track(
             acceleration_m_s2_sqrt_hz=acceleration,
             shape=shape,
             poses=icp,
+            bias=None if range_bias_m is None else SensorBias(range_sigma_m=range_bias_m),
+            centroid=centroid,
             each=count_frames(some, "tracking"),
         )
     for line in summarise(quality, icp=icp):
@@ -63,6 +82,21 @@ def track(
     if output is not None:
         quality.save(output, scheme)
         echo(f"{output}")
+
+
+def _read_wander(text: str) -> CentroidWander:
+    """Read `--wander`: metres along and across the line of sight, and seconds."""
+    try:
+        along_m, across_m, seconds = (float(word) for word in text.split(","))
+    except ValueError as error:
+        raise RecordingError(
+            f"--wander {text}: needs three numbers, metres along and across the line of sight, and seconds; give them as "
+            "0.6,0.1,95"
+        ) from error
+    try:
+        return CentroidWander(along_sigma_m=along_m, across_sigma_m=across_m, correlation_time_s=seconds)
+    except ScenarioError as error:
+        raise RecordingError(f"--wander {text}: {str(error).removeprefix('CentroidWander: ')}") from error
 
 
 def summarise(quality: Tracking, *, icp: bool = True) -> list[str]:
@@ -96,6 +130,12 @@ def summarise(quality: Tracking, *, icp: bool = True) -> list[str]:
         verdict = describe_consistency(track.nis_mean, count)
         if verdict:
             lines.append(f"{'':<20}{verdict}")
+        lines += [
+            f"{'':<20}{name.replace('_', ' ')}: {values[-1]:+.3g} ± {track.slow_sigma[name][-1]:.2g} at the end"
+            for name, values in track.slow.items()
+        ]
+    with contextlib.suppress(RecordingError):  # of few frames, or of a target that stands still
+        lines.append(f"{'centroid':<20}{measure_centroid_wander(quality).describe()}")
     if "icp_error_rad" in table:
         turn, axis, place = (table[name] for name in ("icp_error_rad", "icp_long_axis_error_rad", "icp_error_m"))
         known = np.isfinite(turn)

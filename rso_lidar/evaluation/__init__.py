@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         FrameDifference,
         compare_frames,
     )
+    from rso_lidar.evaluation.track_quality.centroid_wander import MeasuredWander, measure_centroid_wander
     from rso_lidar.evaluation.track_quality.evaluation import (
         Tracking,
         tracking,
@@ -63,6 +64,7 @@ __all__ = [
     "ElevationMap",
     "FrameDifference",
     "MapAgreement",
+    "MeasuredWander",
     "RawWaveforms",
     "RelativeNavigation",
     "Tracking",
@@ -81,6 +83,7 @@ __all__ = [
     "fit_relative_orbit",
     "fit_tracking_data",
     "load_scenario",
+    "measure_centroid_wander",
     "measure_waveforms",
     "read_pixset",
     "sample_target",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         find_clear_views,
     )
     from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
+    from rso_lidar.rpo.navigation.slow_errors import CentroidWander, SensorBias, SlowErrors
     from rso_lidar.rpo.plans.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
     from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
     from rso_lidar.rpo.plans.free_holds import Perch, PulsedStationKeeping
@@ -78,6 +79,7 @@ __all__ = [
     "AtPassiveSafety",
     "AtRange",
     "AtSunAngle",
+    "CentroidWander",
     "Circumnavigation",
     "CircumnavigationLeg",
     "CoElliptic",
@@ -128,8 +130,10 @@ __all__ = [
     "SafetyEllipse",
     "SafetyEllipseLeg",
     "ScalarUpdate",
+    "SensorBias",
     "Sequence",
     "SequencePlan",
+    "SlowErrors",
     "StationKeeping",
     "Teardrop",
     "TeardropLeg",

@@ -12,6 +12,7 @@ from rso_lidar import motion, sensors, track
 from rso_lidar.motion import lidar_from_ptu
 from rso_lidar.pose import matrix_from_vector
 from rso_lidar.records import BodyState
+from rso_lidar.rpo import CentroidWander, SensorBias
 from rso_lidar.track.navigation.two_orbits import predict_orbits
 from tests.sensors.motion_for_tests import make_motion
 
@@ -72,8 +73,11 @@ def measure(part, states, seed):
     return part.measure(motion_of, sensors.make_key(seed, part.name), 0)[0]
 
 
-def run(seed, **changed):
-    """Return the updates of a filter in one run, and its normalised errors squared (NEES)."""
+def run(seed, slow=None, knows_slow=True, **changed):
+    """Return the updates of a filter in one run, and its normalised errors squared (NEES).
+
+    The filter has slow errors of fixes as states where it knows of them.
+    """
     rng = np.random.default_rng(seed)
     states = fly(rng)
     error = SIGMA * rng.normal(size=15)
@@ -89,6 +93,7 @@ def run(seed, **changed):
         **parts,
         own_acceleration_m_s2_sqrt_hz=ACCELERATIONS["own"],
         target_acceleration_m_s2_sqrt_hz=ACCELERATIONS["target"],
+        **(slow or {} if knows_slow else {}),
     )
     tracker, gnss, relative, gyro = (found[name] for name in ("star_tracker", "gnss", "relative_gnss", "gyro"))
     attitude = Rotation.from_quat(tracker.quaternion_xyzw).as_matrix()
@@ -100,8 +105,10 @@ def run(seed, **changed):
         (t, navigation.update_relative, (relative.relative_position_m[k], relative.relative_velocity_m_s[k]))
         for k, t in enumerate(relative.time_s)
     ]
+    shifts = draw_shifts(np.random.default_rng([seed, 1]), states, start) if slow else np.zeros((len(states), 3))
     for k in range(0, len(states), 2):
         seen = BODY_FROM_LIDAR.T @ (start[k].T @ states[k, 6:9] - ORIGIN_M) + FIX_SIGMA_M * rng.normal(size=3)
+        seen = seen + BODY_FROM_LIDAR.T @ start[k].T @ shifts[k]
         events.append((GRID_S * k, navigation.update_fix, (seen, np.diag(FIX_SIGMA_M**2), BODY_FROM_LIDAR, ORIGIN_M)))
     nees, rates = [], list(zip(gyro.time_s, gyro.angular_velocity_rad_s, strict=True))
     for time_s, update, measured in sorted(events, key=lambda event: event[0]):
@@ -115,6 +122,42 @@ def run(seed, **changed):
             wrong = np.concatenate([states[k] - np.concatenate(estimated), turn])
             nees.append(wrong @ np.linalg.solve(now.covariance, wrong))
     return navigation.updates, nees
+
+
+SLOW = {
+    "bias": SensorBias(range_sigma_m=0.3),
+    "centroid": CentroidWander(along_sigma_m=0.2, across_sigma_m=0.1, correlation_time_s=8.0),
+}
+
+
+def draw_shifts(rng, states, attitude):
+    """Return by how much what is seen lies off the target (grid, 3) [m], inertial axes: a bias of range and a wander."""
+    decay, sigma = np.exp(-GRID_S / 8.0), np.array([0.2, 0.1, 0.1])
+    bias_m, wander, shifts = 0.3 * rng.normal(), sigma * rng.normal(size=3), []
+    for k, state in enumerate(states):
+        along = state[6:9] - attitude[k] @ ORIGIN_M
+        along /= np.linalg.norm(along)
+        normal = np.cross(state[:3] + state[6:9], state[3:6] + state[9:])
+        in_plane = np.cross(normal, along)
+        in_plane /= np.linalg.norm(in_plane)
+        shifts.append((bias_m + wander[0]) * along + wander[1] * in_plane + wander[2] * np.cross(along, in_plane))
+        wander = decay * wander + np.sqrt(1.0 - decay**2) * sigma * rng.normal(size=3)
+    return np.array(shifts)
+
+
+def test_fixes_with_a_bias_and_a_wandering_centroid_are_consistent_where_these_are_states():
+    """Twelve runs: mean NEES at three instants and mean NIS of fixes within 99.9 %; without the states above them."""
+    for knows_slow in (True, False):
+        runs = [run(seed, slow=SLOW, knows_slow=knows_slow) for seed in range(12)]
+        nis = [update.nis for updates, _ in runs for update in updates if update.source == "lidar"]
+        nees = np.array([each for _, each in runs]).mean(axis=0)
+        low, high = mean_bounds(15, 12)
+        if knows_slow:
+            assert (low < nees).all()
+            assert (nees < high).all()
+            assert mean_bounds(3, len(nis))[0] < np.mean(nis) < mean_bounds(3, len(nis))[1]
+        else:
+            assert (nees > 1.5 * high).all()
 
 
 def mean_bounds(freedom, count):

@@ -2,9 +2,10 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 import rso_lidar as rl
-from rso_lidar.rpo import clohessy_wiltshire
+from rso_lidar.rpo import CentroidWander, SensorBias, clohessy_wiltshire
 from rso_lidar.track import filter_positions, locate_centroid, nis_bounds
 from rso_lidar.track.kalman import _discretize
 
@@ -38,6 +39,66 @@ def test_nis_is_chi_square_where_the_noises_are_known():
     )  # believes a third of the noise
     assert sure.nis_mean > 2.0 * made.nis_mean
     assert sure.nis_share < 0.7
+
+
+WANDER = CentroidWander(along_sigma_m=0.5, across_sigma_m=0.3, correlation_time_s=40.0)
+BIAS = SensorBias(range_sigma_m=0.4)
+
+
+def measure_with_slow_errors(rng, count=50, step_s=5.0, density=0.003, noise_m=0.05, speed_m_s=0.2):
+    """Return instants, measured positions, the true state at the end (6), and the true centroid (3) along and across."""
+    forward, noise = _discretize(None, density, step_s)
+    root, decay = np.linalg.cholesky(noise), np.exp(-step_s / 40.0)
+    state, places = np.array([40.0, -200.0, 250.0, *(speed_m_s * rng.standard_normal(3))]), []
+    bias_m, sigma_m = 0.4 * rng.standard_normal(), np.array([0.5, 0.3, 0.3])
+    wander_m = sigma_m * rng.standard_normal(3)
+    for k in range(count):
+        if k:
+            state = forward @ state + root @ rng.standard_normal(6)
+            wander_m = decay * wander_m + np.sqrt(1.0 - decay**2) * sigma_m * rng.standard_normal(3)
+        along = state[:3] / np.linalg.norm(state[:3])
+        in_plane = np.cross([0.0, 0.0, 1.0], along)
+        in_plane /= np.linalg.norm(in_plane)
+        shift = (bias_m + wander_m[0]) * along + wander_m[1] * in_plane + wander_m[2] * np.cross(along, in_plane)
+        places.append(state[:3] + shift + rng.normal(0.0, noise_m, 3))
+    return np.arange(count) * step_s, np.array(places), state, np.array([bias_m, *wander_m])
+
+
+def test_a_filter_that_estimates_slow_errors_is_consistent_and_one_that_does_not_is_overconfident():
+    """Fifty runs: the sum of NEES of position and velocity is chi-square, 99.9 %, and so are the errors' own."""
+    rng, count = np.random.default_rng(12), 50
+    totals, own = {True: 0.0, False: 0.0}, np.zeros(4)
+    spread = np.broadcast_to(np.eye(3) * 0.05**2, (50, 3, 3))
+    for _ in range(count):
+        time_s, places, state, slow = measure_with_slow_errors(rng)
+        for knows in totals:
+            errors = {"bias": BIAS, "centroid": WANDER} if knows else {}
+            made = filter_positions(
+                time_s, places, spread, acceleration_m_s2_sqrt_hz=0.003, speed_m_s=0.2, **errors
+            )  # fmt: skip
+            miss = np.concatenate([made.position_m[-1], made.velocity_m_s[-1]]) - state
+            totals[knows] += miss @ np.linalg.solve(made.covariance[-1], miss)
+            if knows:
+                sigmas = np.array([values[-1] for values in made.slow_sigma.values()])
+                own += ((np.array([values[-1] for values in made.slow.values()]) - slow) / sigmas) ** 2
+    assert list(made.slow) == []
+    low, high = chi2.ppf([0.0005, 0.9995], 6 * count)
+    assert low < totals[True] < high
+    assert totals[False] > 3.0 * high
+    low, high = chi2.ppf([0.0005 / 4, 1.0 - 0.0005 / 4], count)
+    assert (low < own).all()
+    assert (own < high).all()
+
+
+def test_slow_errors_of_one_position_share_its_covariance():
+    """After the first position nothing tells them apart: the covariance is that of noise and errors, and they stay."""
+    made = filter_positions(
+        np.zeros(1), np.array([[0.0, -100.0, 0.0]]), np.eye(3)[None] * 0.01, bias=BIAS, centroid=WANDER
+    )
+    np.testing.assert_allclose(np.diag(made.covariance[0])[:3], [0.01 + 0.3**2, 0.01 + 0.4**2 + 0.5**2, 0.01 + 0.3**2])
+    assert {name: values[0] for name, values in made.slow_sigma.items()} == pytest.approx(
+        {"bias_range_m": 0.4, "centroid_along_m": 0.5, "centroid_in_plane_m": 0.3, "centroid_out_of_plane_m": 0.3}
+    )
 
 
 def test_nis_of_a_flat_target_with_known_noise():

@@ -31,6 +31,7 @@ from rso_lidar.orbit import elements_from_state
 from rso_lidar.picture import SavedResult
 from rso_lidar.pose import ROOT, cross, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import Frame, Truth
+from rso_lidar.rpo import CentroidWander, SensorBias
 from rso_lidar.scenario import Scenario, list_lunar_bodies
 from rso_lidar.track import (
     Alignment,
@@ -60,7 +61,8 @@ class Tracking(SavedResult):
     the share of the target's pixels that returned; ``true_range_m`` and ``centroid_range_m``; ``centroid_right_m``,
     ``_down_m`` and ``_ahead_m``, in lidar axes, and their errors ``centroid_error_right_m`` and so on. Of the filters
     ``cv`` and ``cw``: ``cv_x_m`` and ``cv_velocity_x_m_s`` in the axes of the filter, their errors in lidar axes
-    (``cv_error_right_m``), and ``cv_nis``. Of ICP: ``icp_right_m``, ``icp_quaternion_x`` to ``_w`` of
+    (``cv_error_right_m``), ``cv_nis``, and where they estimate slow errors, ``cv_bias_range_m`` with its standard
+    deviation ``cv_bias_range_sigma_m`` and so on. Of ICP: ``icp_right_m``, ``icp_quaternion_x`` to ``_w`` of
     lidar_from_target, the rms distance ``icp_rms_m`` of points from the model, and the errors ``icp_error_m``,
     ``icp_error_rad`` (the whole turn, symmetry not considered) and ``icp_long_axis_error_rad``.
 
@@ -98,6 +100,8 @@ def tracking(
     shape: bool = True,
     poses: bool = True,
     hinges: bool = True,
+    bias: SensorBias | None = None,
+    centroid: CentroidWander | None = None,
     each: Iterable[Frame] | None = None,
 ) -> Tracking:
     """Run centroid, Kalman filters and ICP on a recording.
@@ -114,6 +118,8 @@ def tracking(
         noise, so that NIS is below 3 at most frames. Otherwise the filters follow the visible middle
     poses : whether ICP runs
     hinges : whether ICP estimates the angles of the target's hinges; otherwise it assumes those of the mesh
+    bias : bias of ranges and of the boresight that the filters estimate (None: they assume none)
+    centroid : wander of the centroid that the filters estimate, in place of the spread over all directions (None: none)
     each : iterator over the same frames that reports progress (None: `frames`)
 
     Returns
@@ -138,6 +144,8 @@ def tracking(
     noise_m = estimate_range_noise_m(scenario.instrument, frames) if range_noise_m is None else range_noise_m
     follow = PoseFollower(model) if poses else None
     wander = measure_visible_centroid(model) if shape else (0.0, 0.0, 0.0)
+    if centroid is not None:
+        wander = (wander[0], 0.0, 0.0)
     rows = [
         _evaluate_frame(scenario, frame, name, size_m, noise_m, wander, follow)
         for frame in (frames if each is None else each)
@@ -156,6 +164,8 @@ def tracking(
             mean_motion_rad_s=mean_motion,
             acceleration_m_s2_sqrt_hz=acceleration_m_s2_sqrt_hz,
             kicks=[(burn.time_s, -rows[k].from_rtn(kind).apply(burn.delta_v_m_s)) for burn, k in burns],
+            bias=bias,
+            centroid=centroid,
         )
         table |= _tabulate_errors(kind, track, rows)
     known = tuple(hinge.name for hinge in model.hinges) if "icp_error_rad" in table else ()
@@ -348,4 +358,7 @@ def _tabulate_errors(kind: str, track: Track, rows: Sequence[_EvaluatedFrame]) -
         off = values - np.array(true)
         seen = np.array([row.lidar_from(kind).apply(error_m) for row, error_m in zip(rows, off, strict=True)])
         table |= _vector_columns(f"{kind}{word}_error", seen, unit)
+    for name, values in track.slow.items():
+        stem, unit = name.rsplit("_", 1)
+        table |= {f"{kind}_{name}": values, f"{kind}_{stem}_sigma_{unit}": track.slow_sigma[name]}
     return table | {f"{kind}_nis": track.nis}

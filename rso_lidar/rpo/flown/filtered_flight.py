@@ -43,6 +43,8 @@ class FilterEstimate:
     position_m, velocity_m_s : (3,) estimates in the rotating rtn axes of the body that is approached [m], [m/s]
     covariance : (6, 6) of their errors, as the filter states it
     sensors : indices of the sensors that measured
+    slow, slow_sigma : (error,) estimates of the biases and wandering centroids of the sensors, and their standard deviations
+        [m], [rad], in the order of `RelativeFilter.sensor_errors`; empty where the filter has no such states
     """
 
     time_s: float
@@ -50,6 +52,8 @@ class FilterEstimate:
     velocity_m_s: np.ndarray
     covariance: np.ndarray
     sensors: tuple[int, ...]
+    slow: np.ndarray
+    slow_sigma: np.ndarray
 
 
 class FilteredFlight:
@@ -83,7 +87,11 @@ class FilteredFlight:
         numbers = make_generator(seed, MEASUREMENTS, 0).standard_normal((ORBIT_STATES, 1))
         errors = thrusters.magnitude_sigma_fraction > 0.0 or thrusters.pointing_sigma_deg > 0.0
         self._has_thrust = bool(held) and errors
-        self._bank = FilterBank(apply_matrix(root, numbers), root @ root.T, has_thrust=self._has_thrust)
+        self._slow = part.sensor_errors
+        self._bank = FilterBank(
+            apply_matrix(root, numbers), root @ root.T, has_thrust=self._has_thrust, slow=self._slow,
+            treatment=part.slow_errors,
+        )  # fmt: skip
         self._true_thrust = np.zeros((THRUST_STATES, 1))
         self.estimates: list[FilterEstimate] = []
 
@@ -155,7 +163,9 @@ class FilteredFlight:
         moved = flow.advance(node, self._bank.orbit)
         if thrust is not None:  # the path has the true errors of thrust, so the estimate lacks them
             moved = moved - thrust @ self._true_thrust
-        self._bank.predict(moved, flow.transition(node), self._part.find_noise(end_s - begin_s), thrust)
+        self._bank.predict(
+            moved, flow.transition(node), self._part.find_noise(end_s - begin_s), thrust, step_s=end_s - begin_s
+        )
 
     def _find_errors(self, leg: HeldThrust, stage_s: np.ndarray) -> HeldThrustErrors:
         """Return what the errors of the thrust of a leg do at instants (stage,) [s]."""
@@ -173,13 +183,20 @@ class FilteredFlight:
         clear : (sensor,) whether the Sun lets it measure
         """
         number = round(at_s / self._part.every_s)
-        numbers = make_generator(self._seed, MEASUREMENTS, number).standard_normal((len(clear), 3, 1))
+        generator = make_generator(self._seed, MEASUREMENTS, number)
+        numbers = generator.standard_normal((len(clear), 3, 1))
+        slow_step_s = self._part.every_s if number > 1 else None
+        self._bank.draw_slow(generator.standard_normal((len(self._slow), 1)), slow_step_s)
+        axes, turn = self._find_axes(np.array([at_s]))
         used = []
         for k, sensor in enumerate(self._part.sensors):
             if clear[k]:
-                updates = self._bank.observe(sensor, away_m[:, None], away_m[:, None], numbers[k])
+                away = away_m[:, None]
+                updates = self._bank.observe(sensor, away, away, numbers[k], number=k, axes=axes[0])
                 used += [k] * bool(np.any(updates[0].gain))
         position, velocity = self.know(at_s, row)
-        axes, turn = self._find_axes(np.array([at_s]))
         covariance = self._bank.find_orbit_covariance(axes[0], turn[0])[0]
-        self.estimates.append(FilterEstimate(at_s, position, velocity, covariance, tuple(used)))
+        slow, sigma = self._bank.find_slow()
+        self.estimates.append(
+            FilterEstimate(at_s, position, velocity, covariance, tuple(used), slow[:, 0], sigma[:, 0])
+        )

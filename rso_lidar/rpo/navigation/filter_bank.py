@@ -4,23 +4,28 @@ A measurement is linearised again at the estimate that includes it (Bell and Cat
 294). A direction is otherwise linearised about a range that is some per cent off, and the filter is overconfident. Updates
 have Joseph's form, which keeps covariances positive.
 
-Estimates are deviations from a reference path in inertial axes: position, velocity, and the errors of held thrust.
+Estimates are deviations from a reference path in inertial axes: position, velocity, and the errors of held thrust. Slow
+errors of sensors follow them: as states that are estimated, or as states that are considered (Schmidt, in Advances in
+Control Systems 3 (1966) 293), whose uncertainty counts in the gains while their estimates stay zero.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from rso_lidar.orbit import invert_state_matrix, state_matrix
 from rso_lidar.rpo.navigation.navigation_sensors import NavigationCamera, NavigationLidar
+from rso_lidar.rpo.navigation.slow_errors import SlowErrors
 
 ORBIT_STATES = 6  # states of position and velocity
 THRUST_STATES = 4  # states of held thrust: its size, and its turns about three axes, in standard deviations
 _ITERATIONS = 2  # before the last linearisation: with a camera alone, mean NEES 6.4 (one or more), 14 (none), of 6
 _TINY_M = 1e-9
+_NO_AXES = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,30 +37,54 @@ class ScalarUpdate:
     slope : (3, run) derivative by the position
     gain : (state, run); 0 where the sensor did not measure
     sigma : (run,) standard deviation of the measurement
+    slow_slope : (error, run) derivative by the slow errors of all sensors
     """
 
     slope: np.ndarray
     gain: np.ndarray
     sigma: np.ndarray
+    slow_slope: np.ndarray
 
 
 class FilterBank:
-    """Filters of many flights.
+    """Filters of many flights, and the true slow errors of their sensors.
 
     Parameters
     ----------
     estimate : (6, run) first estimates: deviations from the reference [m], [m/s], inertial axes
     covariance : (6, 6) of their errors
     has_thrust : whether legs are held by thrust with errors
+    slow : slow errors of the sensors
+    treatment : whether these are estimated, considered, or not in the filter
+
+    Attributes
+    ----------
+    true_slow : (error, run) true slow errors [m], [rad]
+    thrust_places, slow_places : slices of the states of held thrust and of slow errors
     """
 
-    def __init__(self, estimate: np.ndarray, covariance: np.ndarray, *, has_thrust: bool) -> None:
+    def __init__(
+        self,
+        estimate: np.ndarray,
+        covariance: np.ndarray,
+        *,
+        has_thrust: bool,
+        slow: SlowErrors | None = None,
+        treatment: Literal["estimated", "considered", "ignored"] = "estimated",
+    ) -> None:
         n_runs = estimate.shape[1]
-        states = ORBIT_STATES + THRUST_STATES * has_thrust
+        self._slow, self._is_considered = slow or SlowErrors(()), treatment == "considered"
+        dynamic = ORBIT_STATES + THRUST_STATES * has_thrust
+        states = dynamic + len(self._slow) * (treatment != "ignored")
+        self.thrust_places, self.slow_places = slice(ORBIT_STATES, dynamic), slice(dynamic, states)
         self.state = np.zeros((states, n_runs))
         self.state[:ORBIT_STATES] = estimate
         self.covariance = np.zeros((states, states, n_runs))
         self.covariance[:ORBIT_STATES, :ORBIT_STATES] = covariance[:, :, None]
+        if states > dynamic:
+            places = np.arange(dynamic, states)
+            self.covariance[places, places] = self._slow.sigma[:, None] ** 2
+        self.true_slow = np.zeros((len(self._slow), n_runs))
 
     @property
     def orbit(self) -> np.ndarray:
@@ -63,16 +92,43 @@ class FilterBank:
         deviations: np.ndarray = self.state[:ORBIT_STATES]
         return deviations
 
+    @property
+    def has_slow(self) -> bool:
+        """Whether slow errors of the sensors are states of the filters."""
+        return self.slow_places.start < self.slow_places.stop
+
+    def find_slow(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return estimates (error, run) of slow errors and their standard deviations [m], [rad]; without rows if ignored."""
+        places = np.arange(self.slow_places.start, self.slow_places.stop)
+        return self.state[places], np.sqrt(self.covariance[places, places])
+
     def begin_leg(self) -> None:
         """Begin a leg that is held by thrust, whose errors are not known."""
-        self.state[ORBIT_STATES:] = 0.0
-        self.covariance[ORBIT_STATES:] = 0.0
-        self.covariance[:, ORBIT_STATES:] = 0.0
-        places = range(ORBIT_STATES, len(self.state))
+        self.state[self.thrust_places] = 0.0
+        self.covariance[self.thrust_places] = 0.0
+        self.covariance[:, self.thrust_places] = 0.0
+        places = range(self.thrust_places.start, self.thrust_places.stop)
         self.covariance[places, places] = 1.0
 
+    def draw_slow(self, numbers: np.ndarray, step_s: float | None) -> None:
+        """Draw the true slow errors of the sensors at their next instant.
+
+        Parameters
+        ----------
+        numbers : (error, run) standard normal
+        step_s : time since the instant before [s]; None at the first instant
+        """
+        decay, new_sigma = self._slow.find_step(step_s)
+        self.true_slow = decay[:, None] * self.true_slow + new_sigma[:, None] * numbers
+
     def predict(
-        self, moved: np.ndarray, transition: np.ndarray, noise: np.ndarray, thrust: np.ndarray | None = None
+        self,
+        moved: np.ndarray,
+        transition: np.ndarray,
+        noise: np.ndarray,
+        thrust: np.ndarray | None = None,
+        *,
+        step_s: float = 0.0,
     ) -> None:
         """Propagate over a step.
 
@@ -82,16 +138,27 @@ class FilterBank:
         transition : (6, 6) of small deviations
         noise : (6, 6) covariance that the process noise adds
         thrust : (6, 4) what the errors of held thrust do over the step; None without held thrust
+        step_s : length of the step [s], over which slow errors decay
         """
-        whole = np.eye(len(self.state))
+        dynamic = slice(0, self.thrust_places.stop)
+        whole = np.eye(dynamic.stop)
         whole[:ORBIT_STATES, :ORBIT_STATES] = transition
         self.state[:ORBIT_STATES] = moved
         if thrust is not None:
             whole[:ORBIT_STATES, ORBIT_STATES:] = thrust
-            self.state[:ORBIT_STATES] += apply_matrix(thrust, self.state[ORBIT_STATES:])
-        once = apply_matrix(whole, self.covariance)
-        self.covariance = apply_matrix(whole, once.transpose(1, 0, 2))
-        self.covariance = 0.5 * (self.covariance + self.covariance.transpose(1, 0, 2))
+            self.state[:ORBIT_STATES] += apply_matrix(thrust, self.state[self.thrust_places])
+        once = self.covariance.copy()
+        once[dynamic] = apply_matrix(whole, once[dynamic])
+        once = once.transpose(1, 0, 2)
+        once[dynamic] = apply_matrix(whole, once[dynamic])
+        if self.has_slow:
+            decay, new_sigma = self._slow.find_step(step_s)
+            places = np.arange(dynamic.stop, len(self.state))
+            self.state[self.slow_places] *= decay[:, None]
+            once[self.slow_places] *= decay[:, None, None]
+            once[:, self.slow_places] *= decay[:, None]
+            once[places, places] += new_sigma[:, None] ** 2
+        self.covariance = 0.5 * (once + once.transpose(1, 0, 2))
         self.covariance[:ORBIT_STATES, :ORBIT_STATES] += noise[:, :, None]
 
     def add_burn(self, change_m_s: np.ndarray, covariance: np.ndarray) -> None:
@@ -111,6 +178,9 @@ class FilterBank:
         reference_m: np.ndarray,
         true_m: np.ndarray,
         numbers: np.ndarray,
+        *,
+        number: int = 0,
+        axes: np.ndarray = _NO_AXES,
     ) -> list[ScalarUpdate]:
         """Measure with a sensor, and update the estimates where the target is within its limits.
 
@@ -120,36 +190,62 @@ class FilterBank:
         reference_m : (3, 1) reference position relative to the target [m], inertial axes
         true_m : (3, run) true position relative to the target [m], inertial axes
         numbers : (3, run) standard normal: two of the direction and one of the range
+        number : index of the sensor, whose slow errors are meant
+        axes : (3, 3) rtn axes of the target, as columns in inertial axes; only slow errors need them
 
         Returns
         -------
         list of ScalarUpdate
             as made in this order: two of the direction, and that of the range
         """
+        mine = self._slow.find_places(number)
+        shown_m = true_m
+        if len(mine):
+            shown_m = true_m - _combine(self._slow.find_shifts(mine, true_m, axes), self.true_slow[mine])
         expected = reference_m + self.state[:3]
-        range_m, along = _split(true_m)
+        range_m, along = _split(shown_m)
         first, second = find_axes_across(along)
         bearing = sensor.find_bearing_sigma_rad(range_m)
         turned = along + bearing * (numbers[0] * first + numbers[1] * second)
         seen_range_m = range_m + (sensor.find_range_sigma_m(range_m) * numbers[2] if sensor.measures_range else 0.0)
         off = np.arctan2(np.sqrt(_dot_square(np.cross(expected, true_m, axis=0))), np.sum(expected * true_m, axis=0))
-        seen = sensor.can_measure(range_m, off)
+        seen = sensor.can_measure(_split(true_m)[0], off)
         variances = self._find_variances(sensor, expected)
-        place, spread = expected, self.covariance[:3, :3]
+        places, local = np.arange(3), np.arange(3)  # of the measured states: among all, and among `values`
+        if self.has_slow:
+            places = np.append(places, self.slow_places.start + mine)
+            local = np.arange(len(places))
+        still, still_here = (self.slow_places, slice(3, None)) if self._is_considered else (None, None)
+
+        def linearise(values: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+            moves, point = np.zeros((3, 0, 1)), values[:3]
+            if len(mine):
+                moves = self._slow.find_shifts(mine, point, axes)
+                point = point - _combine(moves, values[3:]) if len(values) > 3 else point
+            rows = _linearise(point, turned, seen_range_m if sensor.measures_range else None)
+            return [(slope, -_sum_products(slope[:, None], moves), at) for slope, at in rows]
+
+        base = self.state[places]
+        base[:3] = expected
+        values, spread = base, self.covariance[np.ix_(places, places)]
         for _ in range(_ITERATIONS):
-            rows = _linearise(place, turned, seen_range_m if sensor.measures_range else None)
-            moved, kept = expected, spread
-            for (slope, at), variance in zip(rows, variances, strict=False):
-                moved, kept, _ = _assimilate(moved, kept, slope, at - np.sum(slope * moved, axis=0), variance)
-            place = np.where(seen, moved, place)
-        rows = _linearise(place, turned, seen_range_m if sensor.measures_range else None)
+            moved, kept = base, spread
+            for (slope, slow_slope, at), variance in zip(linearise(values), variances, strict=False):
+                whole = np.concatenate([slope, slow_slope])[local]
+                innovation = at - _sum_products(whole, moved)
+                moved, kept, _ = _assimilate(moved, kept, local, whole, innovation, variance, still=still_here)
+            values = np.where(seen, moved, values)
         updates = []
-        for (slope, at), variance in zip(rows, variances, strict=False):
-            innovation = at - np.sum(slope * (reference_m + self.state[:3]), axis=0)
+        for (slope, slow_slope, at), variance in zip(linearise(values), variances, strict=False):
+            whole = np.concatenate([slope, slow_slope])[local]
+            base = self.state[places]
+            base[:3] += reference_m
             self.state, self.covariance, gain = _assimilate(
-                self.state, self.covariance, slope, innovation, variance, seen
+                self.state, self.covariance, places, whole, at - _sum_products(whole, base), variance, seen, still
             )
-            updates.append(ScalarUpdate(slope, gain, np.sqrt(variance)))
+            by_error = np.zeros((len(self._slow), slope.shape[1]))
+            by_error[mine] = slow_slope
+            updates.append(ScalarUpdate(slope, gain, np.sqrt(variance), by_error))
         return updates
 
     def find_orbit_covariance(self, axes: np.ndarray, turn_rad_s: np.ndarray) -> np.ndarray:
@@ -218,32 +314,54 @@ def _linearise(
 def _assimilate(
     state: np.ndarray,
     covariance: np.ndarray,
+    places: np.ndarray,
     slope: np.ndarray,
     innovation: np.ndarray,
     variance: np.ndarray,
     seen: np.ndarray | None = None,
+    still: slice | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Update states by one scalar measurement of the position, in Joseph's form.
+    """Update states by one scalar measurement, in Joseph's form.
 
     Parameters
     ----------
-    state, covariance : (state, run) and (state, state, run), the position first
-    slope : (3, run) derivative of the measurement
+    state, covariance : (state, run) and (state, state, run)
+    places : (k,) indices of the states that are measured
+    slope : (k, run) derivative of the measurement by these
     innovation, variance : (run,) measured less expected, and the variance of the measurement
     seen : (run,) whether there is a measurement; None if there is in all
+    still : states that are considered, not estimated; None (default) for none
     """
-    crossed = _sum_three(covariance, slope)
-    gain = crossed / (np.sum(crossed[:3] * slope, axis=0) + variance)
+    crossed = _project(covariance, places, slope)
+    gain = crossed / (_project(crossed[None], places, slope)[0] + variance)
     if seen is not None:
         gain = np.where(seen, gain, 0.0)
+    if still is not None:
+        gain[still] = 0.0
     left = covariance - gain[:, None] * crossed[None]
-    kept = left - _sum_three(left, slope)[:, None] * gain[None] + gain[:, None] * (variance * gain)[None]
+    kept = left - _project(left, places, slope)[:, None] * gain[None] + gain[:, None] * (variance * gain)[None]
     return state + gain * innovation, 0.5 * (kept + kept.transpose(1, 0, 2)), gain
 
 
-def _sum_three(covariance: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    product: np.ndarray = covariance[:, 0] * slope[0] + covariance[:, 1] * slope[1] + covariance[:, 2] * slope[2]
+def _project(matrix: np.ndarray, places: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Return the product (m, run) of the columns of a matrix (m, state, run) at places (k,) and a slope (k, run)."""
+    product: np.ndarray = matrix[:, places[0]] * slope[0]
+    for place, row in zip(places[1:], slope[1:], strict=True):
+        product = product + matrix[:, place] * row
     return product
+
+
+def _sum_products(values: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return the sum (…, run) of products (k, …, run) over the first axis, with the same bits for a run alone."""
+    total: np.ndarray = values[0] * others[0]
+    for k in range(1, len(values)):
+        total = total + values[k] * others[k]
+    return total
+
+
+def _combine(moves: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the sum (3, run) of displacements (3, error, run) times values (error, run)."""
+    return _sum_products(moves.swapaxes(0, 1), values[:, None])
 
 
 def _split(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from rso_lidar import units
 from rso_lidar.orbit import Epochs, angle_rad, sun_position_m, sunlit_fraction
 from rso_lidar.part import Flag, NotNegative, Part, Positive
+from rso_lidar.rpo.navigation.slow_errors import CentroidWander, SensorBias
 
 _LIT = 0.5  # fraction of the Sun's disc above which a target counts as lit
 _MOST_ROWS = 1000
@@ -58,7 +59,14 @@ class _NavigationSensor(Part):
     )
     origin_sigma_m: NotNegative = Field(
         default=0.0,
-        description="Standard deviation of each component of the measured point from the target's origin [m].",
+        description=(
+            "Standard deviation of each component of the measured point from the target's origin, white in time [m]."
+        ),
+    )
+    bias: SensorBias | None = Field(default=None, description="Bias of ranges and directions; none if omitted.")
+    centroid: CentroidWander | None = Field(
+        default=None,
+        description="Distance of the measured point from the target's origin that varies slowly; none if omitted.",
     )
     least_range_m: NotNegative = Field(default=0.0, description="Least range at which it measures [m].")
     most_range_m: Positive | None = Field(
@@ -82,6 +90,16 @@ class _NavigationSensor(Part):
                 f"most_range_m: {self.most_range_m:g} m is not beyond least_range_m, {self.least_range_m:g} m; it would "
                 "never measure; give a greater one"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _measures_what_errs(self) -> Self:
+        for table, key, sigma in (
+            ("bias", "range_sigma_m", self.bias.range_sigma_m if self.bias else 0.0),
+            ("centroid", "along_sigma_m", self.centroid.along_sigma_m if self.centroid else 0.0),
+        ):
+            if sigma and not self.measures_range:
+                raise ValueError(f"{table}.{key}: a camera measures no range; leave it out")
         return self
 
     @property

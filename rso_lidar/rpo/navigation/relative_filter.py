@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import NotNegative, Part, Positive, Vector
 from rso_lidar.rpo.navigation.navigation_sensors import AnyNavigationSensor
+from rso_lidar.rpo.navigation.slow_errors import SlowErrors
 
 _MOST_MEASUREMENTS = 20_000  # instants
 
@@ -21,6 +22,7 @@ class RelativeFilter(Part):
     The filter starts from an estimate with an error drawn from its covariance. It propagates with the gravity that is flown,
     adds the burns that guidance commands, and knows the errors of thrusters only by their standard deviations. Constant
     errors of thrusters are calibrated: it knows them. On a leg held by thrust, it estimates the error of that thrust, too.
+    Biases and wandering centroids of its sensors are further states, as `slow_errors` says.
     """
 
     type: Literal["filter"] = "filter"
@@ -44,6 +46,15 @@ class RelativeFilter(Part):
         ),
     )
 
+    slow_errors: Literal["estimated", "considered", "ignored"] = Field(
+        default="estimated",
+        description=(
+            "What the filter does about `bias` and `centroid` of its sensors, which flights draw in any case: `estimated`, "
+            "as states; `considered`, their uncertainty counts, but they are not estimated (Schmidt); `ignored`, it takes "
+            "them to be absent, and is overconfident."
+        ),
+    )
+
     @model_validator(mode="after")
     def _has_start(self) -> Self:
         for key in ("position_sigma_m", "velocity_sigma_m_s"):
@@ -55,6 +66,11 @@ class RelativeFilter(Part):
     def start_sigma(self) -> np.ndarray:
         """Standard deviations (6,) of the first estimate in rtn axes [m], [m/s]."""
         return np.array([*self.position_sigma_m, *self.velocity_sigma_m_s])
+
+    @property
+    def sensor_errors(self) -> SlowErrors:
+        """Biases and wandering centroids of the sensors."""
+        return SlowErrors([(sensor.bias, sensor.centroid, sensor.measures_range) for sensor in self.sensors])
 
     def list_instants_s(self, after_s: float, until_s: float) -> np.ndarray:
         """Return the instants (time,) of measurements after one instant, up to another [s].

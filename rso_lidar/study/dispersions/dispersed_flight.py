@@ -107,7 +107,10 @@ class DispersedFlight:
         """
         assert self.filter is not None
         root = self.to_inertial(0, np.diag(self.filter.part.start_sigma))
-        return FilterBank(state + apply_matrix(root, numbers), root @ root.T, has_thrust=self.filter_is_held)
+        return FilterBank(
+            state + apply_matrix(root, numbers), root @ root.T, has_thrust=self.filter_is_held, slow=self.filter.slow,
+            treatment=self.filter.part.slow_errors,
+        )  # fmt: skip
 
     def spread_start(self, numbers: np.ndarray, target_numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return deviations (6, run) at the start of the craft and of the body approached, inertial axes.
@@ -142,8 +145,8 @@ class DispersedFlight:
         if leg is not None and (node == 0 or self.find_leg(node - 1) != leg):
             bank.begin_leg()
         thrust = self.held.get(node) if self.filter_is_held else None
-        noise = self.filter.part.find_noise(float(self.node_s[node + 1] - self.node_s[node]))
-        bank.predict(moved, self.transition[node], noise, thrust)
+        step_s = float(self.node_s[node + 1] - self.node_s[node])
+        bank.predict(moved, self.transition[node], self.filter.part.find_noise(step_s), thrust, step_s=step_s)
 
     def find_leg(self, node: int) -> int | None:
         """Return the number of the leg that thrust holds from a node to the next; None if there is none."""
@@ -200,13 +203,14 @@ class FilterNodes:
 
     def __init__(self, part: RelativeFilter, flight: NominalFlight, node_s: np.ndarray) -> None:
         assert flight.chief_m is not None
-        self.part = part
+        self.part, self.slow = part, part.sensor_errors
         instants = part.list_instants_s(0.0, float(node_s[-1]))
         nodes = np.minimum(np.searchsorted(node_s, instants - DeviationFlow.TIE_S), len(node_s) - 1)
         chief, craft = flight.chief_m(node_s[nodes]), flight.craft_m(node_s[nodes])
         clear = find_clear_views(part.sensors, Epochs(flight.start_utc, node_s[nodes]), chief, craft)
         self._reference = dict(zip(nodes.tolist(), craft - chief, strict=True))
         self._clear = dict(zip(nodes.tolist(), clear, strict=True))
+        self._axes = dict(zip(nodes.tolist(), flight.chief_axes(node_s[nodes])[0], strict=True))
 
     def __contains__(self, node: int) -> bool:
         return node in self._clear
@@ -214,10 +218,14 @@ class FilterNodes:
     @property
     def per_instant(self) -> int:
         """How many standard normal numbers the measurements of an instant take."""
-        return _PER_SENSOR * len(self.part.sensors)
+        return _PER_SENSOR * len(self.part.sensors) + len(self.slow)
+
+    def find_slow_step_s(self, node: int) -> float | None:
+        """Return the time [s] over which slow errors of the sensors are drawn at a node; None at the first one."""
+        return None if node == min(self._clear) else self.part.every_s
 
     def observe(self, bank: FilterBank, node: int, state: np.ndarray, numbers: np.ndarray) -> list[ScalarUpdate]:
-        """Measure with all sensors that can, and update the filters.
+        """Draw the slow errors of sensors, measure with all sensors that can, and update the filters.
 
         Parameters
         ----------
@@ -229,8 +237,9 @@ class FilterNodes:
         reference = self._reference[node][:, None]
         true_m = reference + state[:3]
         updates: list[ScalarUpdate] = []
+        bank.draw_slow(numbers[_PER_SENSOR * len(self.part.sensors) :], self.find_slow_step_s(node))
         for k, sensor in enumerate(self.part.sensors):
             if self._clear[node][k]:
                 own = numbers[_PER_SENSOR * k : _PER_SENSOR * (k + 1)]
-                updates += bank.observe(sensor, reference, true_m, own)
+                updates += bank.observe(sensor, reference, true_m, own, number=k, axes=self._axes[node])
         return updates

@@ -15,8 +15,9 @@ from rso_lidar.rpo import ORBIT_STATES, THRUST_STATES, FilterBank, NavigationErr
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight, find_root
 
 SOURCES = ("start", "burns", "navigation")
+SENSOR_SOURCES = ("bias", "centroid")  # further sources, where sensors of a filter have such errors
 TARGET = "target"  # a further source, where the body approached has errors of its own
-_MOST_COLUMNS = 90  # of navigation, before they are replaced by as many as there are rows
+_MOST_COLUMNS = 90  # of a source, before they are replaced by as many as there are rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +37,23 @@ class LinearDispersion:
 
 
 class _SourceColumns:
-    """Columns of the sources of error: rows of the craft, of the estimate, of the body approached, of the burn on arrival.
+    """Columns of the sources of error.
+
+    Rows are those of the craft, of the estimate, of slow errors of sensors, of the body approached, and of the burn on
+    arrival.
 
     Parameters
     ----------
     craft : (6, column) deviations at the start that errors of the start cause, inertial axes
     estimate_states : states of the filter; 0 without one
+    slow_errors : number of slow errors of the sensors; 0 without a filter
     """
 
-    def __init__(self, craft: np.ndarray, estimate_states: int) -> None:
+    def __init__(self, craft: np.ndarray, estimate_states: int, slow_errors: int) -> None:
         count = craft.shape[1]
-        self.matrix = np.vstack([craft, np.zeros((estimate_states + ORBIT_STATES + 3, count))])
+        self.matrix = np.vstack([craft, np.zeros((estimate_states + slow_errors + ORBIT_STATES + 3, count))])
         self.labels = ["start"] * count
+        self._last = ORBIT_STATES + estimate_states
         if estimate_states:
             self.estimate[:ORBIT_STATES] = craft
 
@@ -60,7 +66,13 @@ class _SourceColumns:
     @property
     def estimate(self) -> np.ndarray:
         """Deviations (state, column) of the estimate."""
-        rows: np.ndarray = self.matrix[ORBIT_STATES : -ORBIT_STATES - 3]
+        rows: np.ndarray = self.matrix[ORBIT_STATES : self._last]
+        return rows
+
+    @property
+    def slow(self) -> np.ndarray:
+        """Slow errors (error, column) of the sensors."""
+        rows: np.ndarray = self.matrix[self._last : -ORBIT_STATES - 3]
         return rows
 
     @property
@@ -87,25 +99,34 @@ class _SourceColumns:
         self.labels += [label] * count
 
     def compress(self) -> None:
-        """Replace the columns of navigation by as many as there are rows, with the same covariance."""
-        chosen = np.array(self.labels) == "navigation"
-        if np.count_nonzero(chosen) <= _MOST_COLUMNS:
-            return
-        root = np.transpose(np.linalg.qr(self.matrix[:, chosen].T)[1])
-        self.matrix = np.hstack([self.matrix[:, ~chosen], root])
-        self.labels = [label for label in self.labels if label != "navigation"] + ["navigation"] * root.shape[1]
+        """Replace the columns of a source that has many by as many as there are rows, with the same covariance."""
+        for label in ("navigation", *SENSOR_SOURCES):
+            chosen = np.array(self.labels) == label
+            if np.count_nonzero(chosen) <= _MOST_COLUMNS:
+                continue
+            root = np.transpose(np.linalg.qr(self.matrix[:, chosen].T)[1])
+            self.matrix = np.hstack([self.matrix[:, ~chosen], root])
+            self.labels = [other for other in self.labels if other != label] + [label] * root.shape[1]
 
 
 def list_sources(flight: DispersedFlight) -> tuple[str, ...]:
     """List the names of the sources of errors of a flight."""
-    return SOURCES if flight.target_root is None else (*SOURCES, TARGET)
+    listed: tuple[str, ...] = SOURCES
+    if flight.filter is not None:
+        here = {error.source for error in flight.filter.slow.errors}
+        listed += tuple(name for name in SENSOR_SOURCES if name in here)
+    return listed if flight.target_root is None else (*listed, TARGET)
 
 
 def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
     """Return the linear covariance at the samples of a flight."""
     still = np.zeros((ORBIT_STATES, 1))
     bank = flight.make_filters(still, still) if flight.filter is not None else None
-    columns = _SourceColumns(flight.to_inertial(0, flight.root), 0 if bank is None else len(bank.state))
+    columns = _SourceColumns(
+        flight.to_inertial(0, flight.root),
+        0 if bank is None else len(bank.state),
+        0 if flight.filter is None else len(flight.filter.slow),
+    )
     columns.widen(THRUST_STATES * len(flight.legs), "burns")
     if flight.target_root is not None:
         columns.widen(ORBIT_STATES, TARGET)
@@ -161,9 +182,16 @@ def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _Sou
     assert filters is not None
     if node not in filters:
         return
+    decay, new_sigma = filters.slow.find_step(filters.find_slow_step_s(node))
+    columns.slow[:] *= decay[:, None]
+    for k in np.flatnonzero(new_sigma):
+        columns.widen(1, filters.slow.errors[k].source)
+        columns.slow[k, -1] = new_sigma[k]
     for update in filters.observe(bank, node, np.zeros((ORBIT_STATES, 1)), np.zeros((filters.per_instant, 1))):
         slope, gain = update.slope[:, 0], update.gain[:, 0]
-        apart = slope @ (columns.relative[:3] - columns.estimate[:3])
+        apart = slope @ (columns.relative[:3] - columns.estimate[:3]) + update.slow_slope[:, 0] @ columns.slow
+        if bank.has_slow:
+            apart -= update.slow_slope[:, 0] @ columns.estimate[bank.slow_places]
         columns.estimate[:] += np.outer(gain, apart)
         columns.widen(1, "navigation")
         columns.estimate[:, -1] = gain * update.sigma[0]
@@ -193,12 +221,16 @@ def _carry(flight: DispersedFlight, bank: FilterBank | None, node: int, columns:
         columns.craft[:, place : place + THRUST_STATES] += flight.held[node]
     if bank is None:
         return
-    if len(columns.estimate) > ORBIT_STATES and leg is not None and (node == 0 or flight.find_leg(node - 1) != leg):
-        columns.estimate[ORBIT_STATES:] = 0.0
+    thrust = columns.estimate[bank.thrust_places]
+    if leg is not None and (node == 0 or flight.find_leg(node - 1) != leg):
+        thrust[:] = 0.0
     estimate = flight.transition[node] @ columns.estimate[:ORBIT_STATES]
-    if leg is not None and len(columns.estimate) > ORBIT_STATES:
-        estimate += flight.held[node] @ columns.estimate[ORBIT_STATES:]
+    if leg is not None and len(thrust):
+        estimate += flight.held[node] @ thrust
     columns.estimate[:ORBIT_STATES] = estimate
+    if bank.has_slow and flight.filter is not None:
+        decay, _ = flight.filter.slow.find_step(float(flight.node_s[node + 1] - flight.node_s[node]))
+        columns.estimate[bank.slow_places] *= decay[:, None]
     flight.carry_filters(bank, node, np.zeros((ORBIT_STATES, 1)))
 
 

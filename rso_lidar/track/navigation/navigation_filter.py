@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit import rtn_matrix
 from rso_lidar.pose import matrix_from_vector, skew
+from rso_lidar.rpo import CentroidWander, SensorBias, SlowErrors
 from rso_lidar.track.navigation.navigation_estimate import NavigationEstimate, NavigationUpdate
 from rso_lidar.track.navigation.two_orbits import STATES, predict_orbits
 
@@ -46,6 +48,8 @@ class NavigationFilter:
         accelerations of the follower and of the target that are not modelled, each axis [m/s²/√Hz]
     oblate : whether the Earth's J2 acts on both
     has_gravity : False in a local world
+    bias, centroid : slow errors of fixes, which are states too: bias of range and boresight, and wander of the centroid.
+        Their axes are those of the line of sight and the target's orbit; in a local world z stands for the orbit normal
     """
 
     def __init__(
@@ -60,6 +64,8 @@ class NavigationFilter:
         target_acceleration_m_s2_sqrt_hz: float = 1e-5,
         oblate: bool = True,
         has_gravity: bool = True,
+        bias: SensorBias | None = None,
+        centroid: CentroidWander | None = None,
     ) -> None:
         self._orbits: dict[str, Any] = {
             "own_m_s2_sqrt_hz": own_acceleration_m_s2_sqrt_hz,
@@ -75,6 +81,10 @@ class NavigationFilter:
                 self._processes[part.name] = processes = SensorProcesses.of(part, size)
                 starts.append(processes.start)
                 size += len(processes.start)
+        self._slow = SlowErrors([(bias, centroid, True)])
+        self._processes["lidar"] = processes = SensorProcesses.of_slow_errors(self._slow, size)
+        starts.append(processes.start)
+        size += len(processes.start)
         self._states = np.concatenate(
             [
                 estimate.position_m,
@@ -277,7 +287,26 @@ class NavigationFilter:
         sensitivity = np.zeros((3, len(self._states)))
         sensitivity[:, _RELATIVE] = body_from_lidar.T @ self._attitude.T
         sensitivity[:, TURN] = body_from_lidar.T @ skew(seen)
-        self._update("lidar", position_m - body_from_lidar.T @ (seen - origin_m), sensitivity, covariance_m2)
+        residual = position_m - body_from_lidar.T @ (seen - origin_m)
+        if len(self._slow):
+            line_m = self._attitude @ (seen - origin_m)
+            axes = np.eye(3)
+            if self._orbits["has_gravity"]:
+                target = self._states[:6] + self._states[6:12]
+                axes = rtn_matrix(target[None, :3], target[None, 3:])[0][0]
+            shifts = self._slow.find_shifts(self._slow.find_places(0), -line_m[:, None], axes)[..., 0]
+            places = self._processes["lidar"].places
+            sensitivity[:, places] = body_from_lidar.T @ self._attitude.T @ shifts
+            residual = residual - sensitivity[:, places] @ self._states[places]
+        self._update("lidar", residual, sensitivity, covariance_m2)
+
+    @property
+    def slow(self) -> dict[str, tuple[float, float]]:
+        """Estimates of bias and centroid and their standard deviations, by name with its unit [m], [rad]."""
+        places = self._processes["lidar"].places
+        sigma = np.sqrt(self._covariance[places, places])
+        pairs = zip(self._states[places].tolist(), sigma.tolist(), strict=True)
+        return {error.name: pair for error, pair in zip(self._slow.errors, pairs, strict=True)}
 
     def estimate(self, time_s: float) -> NavigationEstimate:
         """Return the estimate at an instant, to which the filter is predicted.
@@ -359,6 +388,14 @@ class SensorProcesses:
             np.where(steady, start**2, 0.0),
             np.where(steady, 0.0, drive**2 * part.rate_hz),
         )
+
+    @staticmethod
+    def of_slow_errors(slow: SlowErrors, first: int) -> SensorProcesses:
+        """Return the processes of slow errors of fixes, as states from `first` on; `channels` do not apply to them."""
+        decay, _ = slow.find_step(1.0)
+        places, nothing = first + np.arange(len(slow)), np.zeros(len(slow))
+        variance = slow.sigma**2
+        return SensorProcesses(places, places, variance, decay, np.where(decay < 1.0, variance, 0.0), nothing)
 
     def spread(self, count: int, size: int) -> np.ndarray:
         """Return the matrix (channel, state) that adds the processes to the channels of their sensor."""

@@ -25,6 +25,7 @@ from rso_lidar.track.navigation.two_orbits import predict_orbits
 if TYPE_CHECKING:
     from rso_lidar.sensors import Gnss, Gyro, RelativeGnss, StarTracker
 
+_CENTROID_M = 0.3  # assumed, for a body of some metres
 # Standard deviations at the start of position, velocity, relative position, relative velocity and attitude, in SI. Assumed:
 # so much larger than those of the sensors that the first measurements replace the start.
 _WIDE = np.repeat([1e4, 1e2, 1e4, 30.0, 0.3], 3)
@@ -47,9 +48,10 @@ class Navigator:
     Other Parameters
     ----------------
     centroid_m : distance of the visible centroid from the target's origin, 1 sigma of each axis [m], added to the covariance
-        of a fix
+        of a fix (None: 0.3, or 0 where `centroid` is given)
     pointing_rad : error of the boresight, 1 sigma of each axis [rad], such as that of the PTU's encoders
-    **settings : further settings of `NavigationFilter`, such as `target_acceleration_m_s2_sqrt_hz`
+    **settings : further settings of `NavigationFilter`, such as `target_acceleration_m_s2_sqrt_hz`, or `bias` and `centroid`
+        of fixes, which are then states
 
     >>> navigate = Navigator(gyro=gyro, star_tracker=tracker, gnss=gnss)   # doctest: +SKIP
     """
@@ -63,7 +65,7 @@ class Navigator:
         relative_gnss: RelativeGnss | None = None,
         ptu: Ptu | None = None,
         mount: Mount | None = None,
-        centroid_m: float = 0.3,
+        centroid_m: float | None = None,
         pointing_rad: float = 0.0,
         **settings: Any,
     ) -> None:
@@ -73,6 +75,8 @@ class Navigator:
         self._names = [part.name for part in parts]
         self._latency_s = max(part.latency_s for part in parts)
         self._ptu, self._mount = ptu, mount or Mount()
+        if centroid_m is None:
+            centroid_m = 0.0 if settings.get("centroid") is not None else _CENTROID_M
         self._centroid_m, self._pointing_rad, self._settings = centroid_m, pointing_rad, settings
         self._rates: list[tuple[float, np.ndarray]] = []
         self._waiting: list[tuple[float, str, tuple[np.ndarray, ...]]] = []

@@ -8,7 +8,16 @@ import pytest
 from scipy.stats import chi2
 
 from rso_lidar.orbit import Epochs, Forces, Kepler
-from rso_lidar.rpo import NavigationCamera, NavigationLidar, PlannedImpulse, RelativeFilter, Thrusters, rtn_matrix
+from rso_lidar.rpo import (
+    CentroidWander,
+    NavigationCamera,
+    NavigationLidar,
+    PlannedImpulse,
+    RelativeFilter,
+    SensorBias,
+    Thrusters,
+    rtn_matrix,
+)
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 from rso_lidar.study.dispersions.dispersed_paths import Disperser
 from rso_lidar.study.dispersions.nominal_flight import GuidanceInstant, NominalFlight
@@ -24,6 +33,14 @@ FILTER = RelativeFilter(
     every_s=60, sensors=(LIDAR,), position_sigma_m=(10, 20, 10), velocity_sigma_m_s=(0.02, 0.02, 0.02),
     acceleration_m_s2_sqrt_hz=0.0,
 )  # fmt: skip
+SLOW = FILTER.replace(
+    sensors=(
+        LIDAR.replace(
+            bias=SensorBias(range_sigma_m=1.0, bearing_sigma_deg=0.03),
+            centroid=CentroidWander(along_sigma_m=1.5, across_sigma_m=1.0, correlation_time_s=600.0),
+        ),
+    )
+)
 THRUSTERS = Thrusters(magnitude_sigma_fraction=0.02, pointing_sigma_deg=1.0, magnitude_sigma_m_s=0.002)
 SIGMAS = np.diag([20.0, 40.0, 20.0, 0.02, 0.02, 0.02]) ** 2
 SAMPLE_S = np.linspace(0.0, 4800.0, 17)
@@ -54,9 +71,14 @@ def fly(navigation, n_runs=300, target=None, **changed):
     return disperser, numbers, disperser.fly(numbers)
 
 
-@pytest.fixture(scope="module", params=[None, 0.25 * SIGMAS], ids=["", "target with errors"])
+@pytest.fixture(
+    scope="module",
+    params=[(FILTER, None), (FILTER, 0.25 * SIGMAS), (SLOW, None)],
+    ids=["", "target with errors", "sensors with slow errors"],
+)
 def flown(request):
-    return fly(FILTER, target=request.param)
+    navigation, target = request.param
+    return fly(navigation, target=target)
 
 
 def test_errors_are_as_large_as_the_filters_say(flown):
@@ -86,12 +108,42 @@ def test_linear_covariance_and_runs_agree(flown):
     np.testing.assert_allclose(total, np.diagonal(linear.covariance[:, :3, :3], axis1=1, axis2=2), rtol=1e-9)
 
 
+@pytest.mark.parametrize("treatment", ["considered", "ignored"])
+def test_a_filter_that_ignores_slow_errors_is_overconfident_and_one_that_considers_them_is_not(treatment):
+    """200 runs; the linear covariance has the errors that the filter makes, whatever it knows of them."""
+    disperser, _, paths = fly(SLOW.replace(slow_errors=treatment), 200)
+    assert disperser.sources == ("start", "burns", "navigation", "bias", "centroid")
+    low, high = chi2.ppf([0.0005 / 17, 1.0 - 0.0005 / 17], 6 * 200)
+    nees = paths.knowledge.nees.sum(axis=0)
+    if treatment == "considered":
+        assert low < nees.min() < nees.max() < high
+    else:
+        assert nees[1:].min() > 10.0 * high
+    linear = disperser.find_linear()
+    known = paths.knowledge.error_m.std(axis=0) / np.sqrt(np.diagonal(linear.knowledge, axis1=1, axis2=2)[:, :3])
+    assert np.abs(known - 1.0).max() < 5.0 / math.sqrt(2.0 * 200)
+    assert all(linear.shares[name][1:].max() > 0.0 for name in ("bias", "centroid"))
+
+
+def test_one_sigma_of_a_constant_bias_moves_a_run_as_the_linear_covariance_says():
+    """Of two runs that differ in the bias alone. A filter that ignores it has the gains of one without it."""
+    sensor = LIDAR.replace(bias=SensorBias(range_sigma_m=1.0))
+    disperser, numbers, _ = fly(FILTER.replace(sensors=(sensor,), slow_errors="ignored"), 2, thrusters=Thrusters())
+    pair = np.zeros((2, numbers.shape[1]))
+    # Before it come the start, four of each held leg, the first estimate, and two angles and a range.
+    pair[1, 6 + 4 * len(disperser.nodes.legs) + 6 + 3] = 1.0
+    still, moved = disperser.fly(pair).deviation_m
+    np.testing.assert_allclose((moved - still) ** 2, disperser.find_linear().shares["bias"], rtol=0.02, atol=1e-6)
+
+
 def test_without_burns_the_filter_changes_nothing(flown):
     disperser, numbers, _ = flown
     drifting = disperser.fly(numbers[:20], without_burns=True)
     assert drifting.knowledge is None
     target = 0.25 * SIGMAS if "target" in disperser.sources else None
-    blind, _, _ = fly(FILTER.replace(sensors=(LIDAR.replace(most_range_m=1.0),)), 2, target)
+    navigation = disperser.flight.navigation
+    (sensor,) = navigation.sensors
+    blind, _, _ = fly(navigation.replace(sensors=(sensor.replace(most_range_m=1.0),)), 2, target)
     again = blind.fly(numbers[:20], without_burns=True)
     assert drifting.deviation_m.tobytes() == again.deviation_m.tobytes()
 
