@@ -201,9 +201,8 @@ def _describe_choice(collision: CollisionEstimate) -> list[str]:
     if not math.isnan(collision.mahalanobis):
         line = f"Mahalanobis      {collision.mahalanobis:.3g} in the encounter plane"
         if collision.is_diluted:
-            line += (
-                f"; diluted: at most {collision.greatest:.3g}, with {collision.greatest_scale:.3g} of the standard deviations"
-            )
+            scale = f"{collision.greatest_scale:.3g} of the standard deviations"
+            line += f"; diluted: at most {collision.greatest:.3g}, with {scale}"
         lines.append(line)
     return lines
 

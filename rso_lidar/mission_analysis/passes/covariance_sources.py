@@ -57,7 +57,9 @@ class SetErrorTable:
     def __post_init__(self) -> None:
         ages, sigma = to_real_array(self.age_days), to_real_array(self.sigma)
         if ages is None or ages.ndim != 1 or not len(ages) or not (ages >= 0.0).all() or (np.diff(ages) <= 0.0).any():
-            raise ScenarioError(f"{self.source}: age_days: do not increase from 0 or more; sort them, and give each once")
+            raise ScenarioError(
+                f"{self.source}: age_days: do not increase from 0 or more; sort them, and give each once"
+            )
         if sigma is None or sigma.shape not in ((len(ages), 3), (len(ages), 6)) or not (sigma >= 0.0).all():
             raise ScenarioError(f"{self.source}: standard deviations need 3 or 6 numbers of 0 or more for each age")
         if not np.isfinite(sigma).all() or not np.isfinite(ages).all():
@@ -87,7 +89,9 @@ class SetErrorTable:
         heads = [cell.strip() for cell in rows[0]] if rows else []
         missing = [name for name in _COLUMNS if name not in heads]
         if missing:
-            raise ScenarioError(f"{where}: has no column {', '.join(missing)}; a table by age has {', '.join(_COLUMNS)}")
+            raise ScenarioError(
+                f"{where}: has no column {', '.join(missing)}; a table by age has {', '.join(_COLUMNS)}"
+            )
         names = [*_COLUMNS, *(_SPEED_COLUMNS if _SPEED_COLUMNS[0] in heads else ())]
         lacking = [name for name in names if name not in heads]
         if lacking:
@@ -135,8 +139,8 @@ class CovarianceSources:
 
     Parameters
     ----------
-    given : sources, or a mapping of names or catalogue numbers to one each. A source is a file (OEM, OPM, CDM, element sets
-        with their history, or a CSV table by age), a `SetErrors` or `SetErrorTable`, or anything that answers `at(epochs)`
+    given : sources, some of them perhaps as pairs of a name or catalogue number and a source, or a mapping. A source is a
+        file (OEM, OPM, CDM, element sets with their history, or a CSV table by age), a `SetErrors` or `SetErrorTable`, or anything that answers `at(epochs)`
         with covariances (time, 6, 6) in GCRS axes. A table by age without a name serves all element sets that have no other
         source
     entries : objects of the search. Several sets of one object are its history, and an OEM or OPM may hold covariances
@@ -147,15 +151,16 @@ class CovarianceSources:
         For what is no source, and files that cannot be read.
     """
 
-    def __init__(self, given: Mapping[Any, Any] | Iterable[Any] | None, entries: Sequence[Any]) -> None:
+    def __init__(self, given: Any, entries: Sequence[Any]) -> None:
         self._named: dict[str, Any] = {}
         self._histories: dict[Any, list[ElementSet]] = {}
         self._errors: dict[Any, SetErrors] = {}
         self._read: dict[tuple[str, str], Any] = {}
         self._by_age: Any = None
         self._add_sets(entries)
-        pairs = given.items() if isinstance(given, Mapping) else [("", source) for source in _list_sources(given)]
-        for name, source in pairs:
+        listed = list(given.items()) if isinstance(given, Mapping) else _list_sources(given)
+        for source in listed:
+            name, source = source if isinstance(source, tuple) and len(source) == 2 else ("", source)
             self._add(str(name).strip(), source)
 
     def find(self, entry: Any, age_days: float, epochs: Epochs, state: BodyState) -> tuple[np.ndarray, str]:
@@ -215,7 +220,9 @@ class CovarianceSources:
                 return self._errors.setdefault(first.identity, errors)
         if self._by_age is not None:
             return self._by_age
-        raise ScenarioError("no covariance is known; give more of its element sets, an OEM, OPM or CDM, or a table by age")
+        raise ScenarioError(
+            "no covariance is known; give more of its element sets, an OEM, OPM or CDM, or a table by age"
+        )
 
     def _read_message(self, path: str, name: str) -> Any:
         """Read the covariances of one object of a message."""
@@ -232,7 +239,9 @@ class CovarianceSources:
                 return
             name = name or str(getattr(source, "label", ""))
             if not name:
-                raise ScenarioError(f"covariances: {quote_value(source)} has no name; give a mapping of names to sources")
+                raise ScenarioError(
+                    f"covariances: {quote_value(source)} has no name; give a mapping of names to sources"
+                )
             self._named[name.casefold()] = source
             return
         if not isinstance(source, str | os.PathLike):
@@ -289,7 +298,7 @@ def _list_sources(given: Any) -> list[Any]:
     if isinstance(given, str | os.PathLike) or hasattr(given, "at") or hasattr(given, "covariance_at"):
         return [given]
     if not isinstance(given, Iterable):
-        raise ScenarioError(f"covariances: {quote_value(given)} is no source; give files, or a mapping of names to sources")
+        raise ScenarioError(
+            f"covariances: {quote_value(given)} is no source; give files, or a mapping of names to sources"
+        )
     return list(given)
-
-

@@ -144,7 +144,9 @@ class HardBodies:
                         self._meshes[key_of] = float(np.linalg.norm(corners, axis=1).max())
                     return self._meshes[key_of], f"mesh {target.shape} {self._meshes[key_of]:.3g} m"
         name = single.name or single.label
-        raise ScenarioError(f"no hard-body radius of {name} is known; give the sum of both radii, or its radius or model")
+        raise ScenarioError(
+            f"no hard-body radius of {name} is known; give the sum of both radii, or its radius or model"
+        )
 
 
 @dataclass(frozen=True)

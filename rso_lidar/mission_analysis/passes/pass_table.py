@@ -179,9 +179,13 @@ class Encounters:
                 "by: Foster where the encounter takes at most 2 % of a revolution and no integral in 3-D differs by over 2 %"
                 + ("; *: they differ" if any(used.differs for used in known) else "")
             )
-            lines.append("sigma: of the relative position along the line of sight, R, T and N: in the follower's rtn axes")
+            lines.append(
+                "sigma: of the relative position along the line of sight, R, T and N: in the follower's rtn axes"
+            )
         if any(used.is_diluted for used in known):
-            lines.append("greatest Pc: over all sizes of the covariance, where it is diluted: better orbits could raise it")
+            lines.append(
+                "greatest Pc: over all sizes of the covariance, where it is diluted: better orbits could raise it"
+            )
         if any("own sets" in used.covariance + used.follower_covariance for used in known):
             lines.append(
                 "covariances of element sets are differences of their own sets by age: consistency, not accuracy, with the "

@@ -114,9 +114,9 @@ def encounters(
         covariances are known [m]; None: the sum of `hard_bodies`, and of the meshes of scenarios' targets
     hard_bodies : radius of single objects by name or catalogue number: metres, or a model of the catalogue, whose radius is
         that of a sphere about its centre of mass that holds its mesh
-    covariances : sources of covariances, or a mapping of names or catalogue numbers to one each. A source is a file (OEM,
-        OPM, CDM, element sets, or a CSV table by age with age_days, radial_m, along_m, cross_m), `SetErrors`,
-        `SetErrorTable`, or anything that answers `at(epochs)` with (time, 6, 6) in GCRS axes. Element sets of `catalog` are a
+    covariances : sources of covariances, some perhaps as pairs of a name or catalogue number and a source, or a mapping. A
+        source is a file (OEM, OPM, CDM, element sets, or a CSV table by age with age_days, radial_m, along_m, cross_m),
+        `SetErrors`, `SetErrorTable`, or anything that answers `at(epochs)` with (time, 6, 6) in GCRS axes. Element sets of `catalog` are a
         source for their own object, as are covariances in its OEM or OPM
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that scenarios among the files name
 
@@ -174,7 +174,9 @@ def encounters(
     rows = fold_docked(
         screening, sorted(build_encounters(screening, reach, max_slew_deg_s, light, constraints), key=_KEYS[sort])
     )
-    rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)][:limit]
+    rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)][
+        :limit
+    ]
     is_asked = bodies.is_asked or covariances is not None
     if is_asked:
         rows = [_assess_row(row, leads, others, start_utc, sources, bodies) for row in rows]
@@ -199,7 +201,7 @@ def encounters(
 
 def _list_sets(follower: Any) -> list[Any]:
     """List the element sets of a follower that was given as such."""
-    return [entry for entry in (follower if isinstance(follower, list | tuple) else [follower])]
+    return list(follower) if isinstance(follower, list | tuple) else [follower]
 
 
 def _assess_row(

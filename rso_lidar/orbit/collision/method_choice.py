@@ -36,8 +36,8 @@ class CollisionEstimate:
     needed, or does not exist; then `missing` states why.
 
     `duration_share` is the duration of the encounter, and `farthest_share` the distance of its farther end from the given
-    instant, both over the shorter period. `mahalanobis` is the distance of the mean from the origin of the encounter plane in
-    standard deviations, NaN without a plane. `greatest` is the greatest probability by Foster over all sizes of the
+    instant, both over the shorter period. `mahalanobis` is the distance of the mean from the origin of the encounter plane
+    in standard deviations, NaN without a plane. `greatest` is the greatest probability by Foster over all sizes of the
     covariance of the same shape, and `greatest_scale` the factor of the standard deviations that gives it. With a factor
     below 1 the probability is diluted: better knowledge could raise it (Alfano, J. Astronautical Sciences 53, 2005).
     """
