@@ -121,3 +121,11 @@ def test_what_is_assumed_is_called_so():
     assert ViewedPlate(side_m=2.0, reflectance=0.1, flash_rate_hz=5.0).describe() == (
         "a facing square plate of 2 m side, reflectance 0.1, flashes at 5 Hz"
     )
+
+
+def test_the_probability_of_one_flash_does_not_depend_on_the_pixel():
+    """It is the mean over pixels, the same at equal ranges. Of several pixels each is drawn independently."""
+    far_m = 3000.0
+    single = find(make_light(side_m=0.2), np.full(50, far_m))
+    assert np.ptp(single) == 0.0
+    assert np.all(np.diff(find(make_light(side_m=0.2), np.linspace(1500.0, 3000.0, 30))) <= 1e-3)

@@ -47,7 +47,7 @@ def test_small_radii_and_great_errors_have_a_probability_by_area():
 def test_the_greatest_probability_is_that_of_alfanos_closed_form():
     """Of a small disc: sigma = miss / sqrt(2) where the density is round (Alfano 2005), so r^2 / (e miss^2)."""
     first, second = make_pair(miss_m=(0.0, 0.0, 0.0), sigma_m=1000.0)
-    moved = UncertainState(second.position_m + [60.0, 0.0, 0.0], second.velocity_m_s, second.covariance)
+    moved = UncertainState(np.add(second.position_m, [60.0, 0.0, 0.0]), second.velocity_m_s, second.covariance)
     flat = np.diag([1e6] * 3 + [0.0] * 3)
     pair = [UncertainState(state.position_m, state.velocity_m_s, flat) for state in (first, moved)]
     estimate = estimate_collision(*pair, 0.1)
@@ -59,7 +59,7 @@ def test_the_greatest_probability_is_that_of_alfanos_closed_form():
 
 def test_without_relative_velocity_there_is_no_plane():
     first, _ = make_pair()
-    beside = UncertainState(first.position_m + [5.0, 0.0, 0.0], first.velocity_m_s, first.covariance)
+    beside = UncertainState(np.add(first.position_m, [5.0, 0.0, 0.0]), first.velocity_m_s, first.covariance)
     estimate = estimate_collision(first, beside, 10.0)
     assert (estimate.foster, estimate.method) == (None, "3-D") and math.isnan(estimate.mahalanobis)
 
