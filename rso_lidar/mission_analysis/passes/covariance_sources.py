@@ -140,9 +140,9 @@ class CovarianceSources:
     Parameters
     ----------
     given : sources, some of them perhaps as pairs of a name or catalogue number and a source, or a mapping. A source is a
-        file (OEM, OPM, CDM, element sets with their history, or a CSV table by age), a `SetErrors` or `SetErrorTable`, or anything that answers `at(epochs)`
-        with covariances (time, 6, 6) in GCRS axes. A table by age without a name serves all element sets that have no other
-        source
+        file (OEM, OPM, CDM, element sets with their history, or a CSV table by age), a `SetErrors` or `SetErrorTable`, or
+        anything that answers `at(epochs)` with covariances (time, 6, 6) in GCRS axes. A table by age without a name serves
+        all element sets that have no other source
     entries : objects of the search. Several sets of one object are its history, and an OEM or OPM may hold covariances
 
     Raises

@@ -116,8 +116,8 @@ def encounters(
         that of a sphere about its centre of mass that holds its mesh
     covariances : sources of covariances, some perhaps as pairs of a name or catalogue number and a source, or a mapping. A
         source is a file (OEM, OPM, CDM, element sets, or a CSV table by age with age_days, radial_m, along_m, cross_m),
-        `SetErrors`, `SetErrorTable`, or anything that answers `at(epochs)` with (time, 6, 6) in GCRS axes. Element sets of `catalog` are a
-        source for their own object, as are covariances in its OEM or OPM
+        `SetErrors`, `SetErrorTable`, or anything that answers `at(epochs)` with (time, 6, 6) in GCRS axes. Element sets of
+        `catalog` are a source for their own object, as are covariances in its OEM or OPM
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that scenarios among the files name
 
     Returns

@@ -126,6 +126,9 @@ def test_what_is_assumed_is_called_so():
 def test_the_probability_of_one_flash_does_not_depend_on_the_pixel():
     """It is the mean over pixels, the same at equal ranges. Of several pixels each is drawn independently."""
     far_m = 3000.0
-    single = find(make_light(side_m=0.2), np.full(50, far_m))
-    assert np.ptp(single) == 0.0
-    assert np.all(np.diff(find(make_light(side_m=0.2), np.linspace(1500.0, 3000.0, 30))) <= 1e-3)
+    light = make_light(side_m=0.7)
+    edge = np.linspace(1000.0, far_m, 200)
+    at_m = float(edge[np.argmin(np.abs(find(light, edge) - 0.5))])  # where half of the flashes find it
+    same = find(light, np.full(30, at_m))
+    assert np.ptp(same) == 0.0 and 0.1 < same[0] < 0.9
+    assert np.all(np.diff(find(light, edge)) <= 1e-3)  # a greatest value over a stay is that of its nearest instant
