@@ -41,7 +41,18 @@ _ARGUMENTS = (
 _NAMING = 5  # columns that identify an encounter and its range
 # Columns in order of importance, for terminals that are too narrow for all of them.
 _TELLING = (
-    *("#", "follower", "object", "closest approach, UTC", "range, km", "found", "usable, s", "breaks", "speed, m/s"),
+    *(
+        "#",
+        "follower",
+        "object",
+        "closest approach, UTC",
+        "range, km",
+        "Pc",
+        "found",
+        "usable, s",
+        "breaks",
+        "speed, m/s",
+    ),
     *(
         "light",
         "norad",
@@ -57,6 +68,7 @@ _TELLING = (
         "age, d",
     ),
 )
+_USED = ("#", "Pc", "by", "Foster", "3-D", "sigma, m", "Mahalanobis", "greatest Pc", "radius, m")
 
 
 def encounters(
@@ -110,6 +122,26 @@ def encounters(
     keep_out: Annotated[
         str | None, typer.Option("--keep-out", metavar="LENGTH", help="Keep-out radius, with its unit: 500m.")
     ] = None,
+    radius: Annotated[
+        str | None,
+        typer.Option(
+            "--radius", metavar="LENGTH", help="Combined hard-body radius, with its unit: 10m. Adds Pc to the table."
+        ),
+    ] = None,
+    hard_body: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--hard-body", metavar="OBJECT=MODEL|LENGTH", help="Radius of one object: its model's, or a length, as 2m."
+        ),
+    ] = None,
+    covariance: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--covariance",
+            metavar="[OBJECT=]FILE",
+            help="Covariances: OEM, OPM, CDM, element sets with their history, or a table by age (CSV).",
+        ),
+    ] = None,
     sunlit: Annotated[bool, typer.Option("--sunlit", help="Only objects in sunlight at the closest approach.")] = False,
     min_duration: Annotated[
         float, typer.Option("--min-duration", metavar="S", help="Least duration of a stay (s).")
@@ -129,7 +161,9 @@ def encounters(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="File to write: the table (.csv), a picture (.png) or, with --scenario, .toml."
+            "-o",
+            "--output",
+            help="File to write: the table (.csv, .json), a picture (.png) or, with --scenario, .toml.",
         ),
     ] = None,
     trust_code: TrustCode = False,
@@ -143,14 +177,17 @@ def encounters(
             "needs the object with the lidar" if follower is None else "--follower and --all-pairs exclude each other"
         )
         raise ScenarioError(f"encounters: {wrong}; give --follower or --all-pairs")
+    json: Path | None = None
     if scenario is None and output is not None:  # the suffix says what is meant
         suffix = output.suffix.lower()
         if suffix == ".csv" and csv is None:
             csv, output = output, None
+        elif suffix == ".json":
+            json, output = output, None
         elif suffix in FIGURE_SUFFIXES and plot is None:
             plot, output = output, None
         elif suffix != ".toml":
-            check_suffix(output, (".csv", *FIGURE_SUFFIXES, ".toml"))
+            check_suffix(output, (".csv", ".json", *FIGURE_SUFFIXES, ".toml"))
             raise ScenarioError(f"-o {output}: --{'csv' if suffix == '.csv' else 'plot'} names another; leave one out")
     scheme = choose_scheme(dark, [plot])
     if (scenario is None) != (output is None):
@@ -169,11 +206,14 @@ def encounters(
     asked = _choose_constraints(asked, angles, None if keep_out is None else parse_length_m("--keep-out", keep_out))
     if not min_duration >= 0.0:
         raise ScenarioError(f"--min-duration {min_duration:g}: is not a duration; give 0 or more seconds")
-    for option, place, suffix in (("--csv", csv, ".csv"), ("--plot", plot, ""), ("-o", output, ".toml")):
+    places = (("--csv", csv, ".csv"), ("--plot", plot, ""), ("-o", output, ".toml"), ("-o", json, ".json"))
+    for option, place, suffix in places:
         if place is not None:
             if suffix and place.suffix.lower() != suffix:
                 raise ScenarioError(f"{option} {place}: is written as {suffix[1:].upper()}; end its name with {suffix}")
             check_writable(place, FIGURE_SUFFIXES if option == "--plot" else (), overwrite=overwrite)
+    radius_m = None if radius is None else parse_length_m("--radius", radius)
+    bodies = dict(_split_name("--hard-body", text) for text in hard_body or ())
     with name_options(*_ARGUMENTS):
         table = find(
             catalog[0] if len(catalog) == 1 else catalog,
@@ -191,12 +231,17 @@ def encounters(
             limit=limit,
             plate=plate,
             finding=finding,
+            radius_m=radius_m,
+            hard_bodies=bodies or None,
+            covariances=_name_sources(covariance),
             trust_code=trust_code,
             trust_fmu=trust_fmu,
         )
     print_encounters(table)
     if csv is not None:
         echo(f"{table.csv(csv, overwrite=overwrite)}")
+    if json is not None:
+        echo(f"{table.json(json, overwrite=overwrite)}")
     if plot is not None and not all(row.docked for row in table.rows):
         echo(f"{save_figure(table.figure(), plot, scheme=scheme)}")
     elif plot is not None:
@@ -214,6 +259,24 @@ def print_encounters(table: Encounters) -> None:
     PrintedTable(
         table.title, heads, rows, table.TEXT_HEADS, _TELLING, _NAMING, table.notes(), "no encounter found"
     ).print()
+    heads, rows = table.collision_cells()
+    if rows:
+        PrintedTable("what was used for Pc", heads, rows, table.TEXT_HEADS, _USED, 4, (), "").print()
+
+
+def _split_name(option: str, text: str) -> tuple[str, str]:
+    """Split the name of an object from what an option says of it."""
+    name, equals, rest = (part.strip() for part in text.partition("="))
+    if not (name and equals and rest):
+        raise ScenarioError(f"{option} {text}: needs an object and a value; write for example 25544=2m")
+    return name, rest
+
+
+def _name_sources(texts: list[str] | None) -> list[Any] | None:
+    """Return the sources of covariances of the options: files, with the name of an object where one is given."""
+    if not texts:
+        return None
+    return [text if "=" not in text or Path(text).is_file() else _split_name("--covariance", text) for text in texts]
 
 
 def _load_camera(text: str) -> tuple[Lidar, Constraints | None, Finding | None, float | None]:

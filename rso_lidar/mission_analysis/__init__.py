@@ -61,6 +61,12 @@ if TYPE_CHECKING:
     from rso_lidar.mission_analysis.passes.conjunction_scenario import (
         conjunction_scenario_text,
     )
+    from rso_lidar.mission_analysis.passes.covariance_sources import (
+        SetErrorTable,
+    )
+    from rso_lidar.mission_analysis.passes.pass_collision import (
+        PassCollision,
+    )
     from rso_lidar.mission_analysis.passes.pass_geometry import (
         Encounter,
         reach_m,
@@ -129,7 +135,9 @@ __all__ = [
     "MissionParameter",
     "ModelCard",
     "ParameterTable",
+    "PassCollision",
     "PixelReport",
+    "SetErrorTable",
     "SetErrors",
     "Timeline",
     "ViewedPlate",

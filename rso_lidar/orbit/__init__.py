@@ -30,7 +30,7 @@ reads Sun, Moon and planets from a user's kernel.
 epochs. `gcrs_state_matrix` takes states and covariances from any named axes to GCRS.
 
 **Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability`, `integrate_collisions` and `sample_collisions` give
-the probability of collision of two states with covariance (`UncertainState`).
+the probability of collision of two states with covariance (`UncertainState`); `estimate_collision` chooses between them.
 
 **Functions.** `screen` finds close approaches to one object and `screen_pairs` those of any two, `find_eclipses` passages
 through the Earth's shadow, `find_access` when one object sees another, `find_bounded_spans`
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center, find_center_states, subtract_center
     from rso_lidar.orbit.collision.coppola import IntegratedProbability, KnownTooWellError, integrate_collisions
     from rso_lidar.orbit.collision.foster import foster_probability
+    from rso_lidar.orbit.collision.method_choice import CollisionEstimate, estimate_collision
     from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
     from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
     from rso_lidar.orbit.earth.access import Access, find_access
@@ -194,6 +195,7 @@ __all__ = [
     "Catalog",
     "CentralBody",
     "CloseApproach",
+    "CollisionEstimate",
     "ConjunctionMessage",
     "ConjunctionObject",
     "CovarianceHistory",
@@ -265,6 +267,7 @@ __all__ = [
     "elements_from_state",
     "elevation_rad",
     "equator_axes",
+    "estimate_collision",
     "find_access",
     "find_bounded_spans",
     "find_breaks_s",

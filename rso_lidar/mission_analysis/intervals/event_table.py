@@ -33,8 +33,8 @@ class Event:
 
     `begins` and `ends` are False where the interval begins or ends with the search, or with the states of an object.
     `nearest_utc`, `nearest_m` and `speed_m_s` are instant, range and relative speed of the least range within the interval.
-    `farthest_m` is the greatest of 67 ranges along it, and `lit_fraction` the share of 65 instants at which at least half of
-    the Sun's disc lights the object from the lidar's side. `phase_deg` (at the object, between Sun and follower) and
+    `farthest_m` is the greatest range within it. `lit_fraction` is the share of its time in which at least half of the Sun's
+    disc lights the object from the lidar's side. `phase_deg` (at the object, between Sun and follower) and
     `sun_angle_deg` (at the follower, between object and Sun) are those at the least range.
     """
 

@@ -1,6 +1,6 @@
 """The probability that one flash finds a plate, as a smooth function of range and sunlight: the mean over a camera's pixels.
 
-Thresholds differ from pixel to pixel, and where the plate's image falls is not known. The mean over the same 256 pixels is
+Thresholds differ from pixel to pixel, and where the plate's image falls is not known. The mean over the camera's pixels is
 tabulated over range and sunlight, and interpolated. The range rate, which spreads the returns of several pulses, does not
 count.
 """
@@ -14,7 +14,6 @@ import numpy as np
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
 from rso_lidar.orbit import PHASE_RAD, MotionBounds, PairQuantity, PairSamples, sunlit_fraction
 
-_PIXELS = 256
 _STEPS = 400  # ranges: 1 % apart over a factor of 50
 _FACTOR = 50.0
 _SHARES = np.array([0.0, 0.25, 0.5, 1.0])  # of the sunlight that falls on the plate at phase 0 in full light
@@ -35,15 +34,7 @@ def tabulate_found(light: PlateLight) -> PairQuantity:
     ranges = np.geomspace(max(near_m, reach_m / _FACTOR), reach_m, _STEPS)
     shares = _SHARES if light.has_sunlight else _SHARES[:1]
     brightest = light.count_sunlight(ranges, np.zeros(_STEPS), np.ones(_STEPS))
-    table = np.array(
-        [
-            [
-                _average(light, float(range_m), share * float(rate))
-                for range_m, rate in zip(ranges, brightest, strict=True)
-            ]
-            for share in shares
-        ]
-    )
+    table = np.array([light.find_in_flash(ranges, np.zeros(_STEPS), share * brightest) for share in shares])
     place = np.log(ranges)
     steepest = float(np.max(np.abs(np.diff(table, axis=1)) / np.diff(place), initial=0.0))
     by_light = float(np.max(np.ptp(table, axis=0)))
@@ -75,15 +66,9 @@ def _may_cross(bounds: MotionBounds, range_m: float) -> np.ndarray:
     return crosses
 
 
-def _average(light: PlateLight, range_m: float, sunlight_per_s: float) -> float:
-    """Return the probability at one range [m], the mean over the pixels."""
-    same = np.full(_PIXELS, range_m)
-    return float(light.find_in_flash(same, np.zeros(_PIXELS), np.full(_PIXELS, sunlight_per_s)).mean())
-
-
 def _find_farthest_m(light: PlateLight, near_m: float, far_m: float) -> float:
     """Return the range [m] from which a plate is found in less than one flash of ten thousand, at most `far_m`."""
     steps = np.geomspace(near_m, far_m, 120)
-    probability = np.array([_average(light, float(range_m), 0.0) for range_m in steps])
+    probability = light.find_in_flash(steps, np.zeros(len(steps)), np.zeros(len(steps)))
     seen = np.flatnonzero(probability > 1e-4)
     return float(steps[min(int(seen[-1]) + 1, len(steps) - 1)]) if len(seen) else float(steps[1])

@@ -13,7 +13,6 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, ScenarioError, quote_value
 from rso_lidar.mission_analysis.intervals.conditions import (
-    LIT_PHASE_RAD,
     WORDS,
     EventContext,
     EventSearch,
@@ -40,13 +39,11 @@ from rso_lidar.orbit import (
     find_minima,
     format_utc,
     join_spans,
-    sun_height_rad,
 )
 from rso_lidar.records import BodyState
 from rso_lidar.scenario import Constraints, Finding, Lidar
 
 _NAMED = re.compile(r"\s*([A-Za-z_][\w -]*?)\s*=\s*")  # before an expression, in which = stands alone nowhere
-_SAMPLES = 65  # of an event, for its farthest range and the share of light
 
 
 def events(
@@ -256,12 +253,8 @@ def _find_rows(
         return []
     begins, ends = np.array(spans).T
     nearest_s, nearest_m = find_minima(lambda time_s: search.sample(*pair, time_s).range_m, begins, ends)
-    inner_s = begins[:, None] + (ends - begins)[:, None] * (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-    grid = np.concatenate([inner_s, begins[:, None], ends[:, None]], axis=1)
-    along = search.sample(*pair, grid.ravel())
-    is_lit = (sun_height_rad(of_target=True).value(along) > 0.0) & (PHASE_RAD.value(along) < LIT_PHASE_RAD)
-    lit = is_lit.reshape(grid.shape)[:, :_SAMPLES].mean(axis=1)
-    farthest_m = np.max(along.range_m.reshape(grid.shape), axis=1)
+    farthest_m = -find_minima(lambda time_s: -search.sample(*pair, time_s).range_m, begins, ends)[1]
+    lit = _measure_shares(search.find(Condition("lit"), spans, *pair), begins, ends)
     there = search.sample(*pair, nearest_s)
     phase, sun = PHASE_RAD.value(there) / units.DEG, SUN_ANGLE_RAD.value(there) / units.DEG
     speed = np.linalg.norm(there.rate_m_s, axis=1)
@@ -296,6 +289,16 @@ def _find_rows(
             )
         )
     return rows
+
+
+def _measure_shares(parts: Sequence[tuple[float, float]], begins_s: np.ndarray, ends_s: np.ndarray) -> np.ndarray:
+    """Return the share (span,) of each span that ascending parts cover [s]."""
+    if not parts:
+        return np.zeros(len(begins_s))
+    from_s, to_s = np.array(parts).T
+    covered = np.maximum(np.minimum(ends_s[:, None], to_s) - np.maximum(begins_s[:, None], from_s), 0.0).sum(axis=1)
+    shares: np.ndarray = np.clip(covered / np.maximum(ends_s - begins_s, 1e-9), 0.0, 1.0)
+    return shares
 
 
 def _select_state(states: BodyState, row: int) -> BodyState:

@@ -10,19 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit import (
+    CollisionEstimate,
     ConjunctionMessage,
     ConjunctionObject,
     IntegratedProbability,
-    KnownTooWellError,
     SampledProbability,
     UncertainSeparation,
     UncertainState,
     check_radius,
+    estimate_collision,
     format_utc,
-    foster_probability,
-    integrate_collisions,
     orbit_state_matrix,
     sample_collisions,
 )
@@ -33,7 +32,6 @@ _ROUNDED_M, _ROUNDED_M_S = 1.0, 1.0  # messages state whole metres and metres pe
 # Standard deviation of position below which a covariance looks like one in km2: precise orbits have 0.01 to 0.02 m.
 _SURE_M = 0.1
 _LATE_S = 1e-2  # time between the message's instant and the closest approach of its states that is worth a note
-_CURVED = 0.1  # share by which Foster's probability may differ from that in 3-D without a note
 _CURVED_S = 60.0  # length of an encounter beyond which straight lines are worth a note
 
 
@@ -44,8 +42,8 @@ class ConjunctionAssessment:
     `miss_m`, `speed_m_s` and `position_rtn_m` (3) are those of the message's states; the position is that of the second
     object in the rtn axes of the first. `miss_sigma_m` is the standard deviation of the position along the miss vector.
     `radius_m` is the combined hard-body radius, and `radius_source` its origin; without one there is no probability.
-    `foster` is None without a radius, and where there is no relative velocity; `integral` without a radius, and where the
-    relative position is known far better than the radius. `notes` state what differs or is missing.
+    `collision` is the probability by both methods and the choice between them, None without a radius. `notes` state what
+    differs or is missing.
     """
 
     message: ConjunctionMessage
@@ -57,10 +55,19 @@ class ConjunctionAssessment:
     miss_sigma_m: float
     radius_m: float | None
     radius_source: str
-    foster: float | None
-    integral: IntegratedProbability | None
+    collision: CollisionEstimate | None
     monte_carlo: SampledProbability | None
     notes: tuple[str, ...]
+
+    @property
+    def foster(self) -> float | None:
+        """Probability by Foster; None without a radius, and where there is no encounter plane."""
+        return None if self.collision is None else self.collision.foster
+
+    @property
+    def integral(self) -> IntegratedProbability | None:
+        """Probability in 3-D; None without a radius, and where the relative position is known far better than it."""
+        return None if self.collision is None else self.collision.integral
 
     def text(self) -> str:
         """Return the assessment as lines of text."""
@@ -78,13 +85,16 @@ class ConjunctionAssessment:
         else:
             lines.append(f"hard-body radius {self.radius_m:g} m ({self.radius_source})")
             method = f", {message.stated_method}" if message.stated_method else ""
-            known = "none: no relative velocity" if self.foster is None else f"{self.foster:.4g}"
+            without = "none: no relative velocity" if not self.speed_m_s > 0.0 else "none: singular covariance"
+            known = without if self.foster is None else f"{self.foster:.4g}"
             lines.append(f"Pc by Foster     {known}" + _state(message.stated_probability, ".4g", method))
         if self.integral is not None:
             lines.append(
                 f"Pc in 3-D        {self.integral.probability:.4g}, by the integral of Coppola and Hall within "
                 f"{self.integral.window_s:,.3g} s of the closest approach"
             )
+        if self.collision is not None:
+            lines += _describe_choice(self.collision)
         if self.monte_carlo is not None:
             estimate = self.monte_carlo
             lines.append(
@@ -154,19 +164,11 @@ def assess_conjunction(
                 f"covariance would be that of {1000.0 * sigma_m:.3g} m, and the message has m²"
             )
     radius, source = _choose_radius(message, radius_m)
-    foster, integral, drawn = None, None, None
+    collision, drawn = None, None
     if radius is not None:
-        if between.speed_m_s > 0.0:
-            foster = foster_probability(first, second, radius)
-        try:
-            integral = integrate_collisions(first, second, radius, window_s=window_s)
-        except (KnownTooWellError, PropagationError) as error:
-            notes.append(f"no Pc in 3-D: {error}")
-        if foster is not None and integral is not None and abs(integral.probability - foster) > _CURVED * foster:
-            notes.append(
-                "Foster's probability differs from that in 3-D: the motion is not straight, or the errors of velocity "
-                "matter; take the one in 3-D"
-            )
+        collision = estimate_collision(first, second, radius, window_s=window_s, always_integrate=True)
+        if collision.missing:
+            notes.append(f"no Pc in 3-D: {collision.missing}")
         if samples is None or samples != 0:
             rng = np.random.default_rng(int(seed))
             drawn = sample_collisions(first, second, radius, rng=rng, samples=samples, window_s=window_s)
@@ -186,11 +188,24 @@ def assess_conjunction(
         miss_sigma_m=math.sqrt(max(float(line @ between.covariance_m2 @ line), 0.0)),
         radius_m=radius,
         radius_source=source,
-        foster=foster,
-        integral=integral,
+        collision=collision,
         monte_carlo=drawn,
         notes=tuple(notes),
     )
+
+
+def _describe_choice(collision: CollisionEstimate) -> list[str]:
+    """Describe which probability to take, and how far the mean is from a collision."""
+    lines = []
+    if collision.method:
+        lines.append(f"Pc to take       {collision.probability:.4g}, by {collision.method}: {collision.reason}")
+    if not math.isnan(collision.mahalanobis):
+        line = f"Mahalanobis      {collision.mahalanobis:.3g} in the encounter plane"
+        if collision.is_diluted:
+            scale = f"{collision.greatest_scale:.3g} of the standard deviations"
+            line += f"; diluted: at most {collision.greatest:.3g}, with {scale}"
+        lines.append(line)
+    return lines
 
 
 def _state(value: float | None, form: str, unit: str) -> str:

@@ -13,6 +13,7 @@ from rso_lidar import units
 from rso_lidar.detector import find_photons
 from rso_lidar.mission_analysis.budgets.pixel_light import filled_pixel_photons
 from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M, ExclusionAngles, check_constraints
+from rso_lidar.mission_analysis.passes.pass_collision import PassCollision
 from rso_lidar.mission_analysis.passes.plate_light import REFLECTANCE, PlateLight, tabulate_light
 from rso_lidar.orbit import (
     CloseApproach,
@@ -67,6 +68,8 @@ class Encounter:
     `docked` explains why the two count as docked or as one object, and is empty where they do not. Each `…_kept` states
     whether a constraint is kept, None where it is not asked or does not apply. `corridor_angle_deg` is the angle at the
     object between a corridor's axis and the follower, in the object's rtn axes.
+
+    `collision` is the probability of collision with what was used for it, None where nobody asked and for docked craft.
     """
 
     name: str
@@ -118,6 +121,7 @@ class Encounter:
     elements: Any = field(repr=False, compare=False, metadata={"private": True})
     follower: Any = field(repr=False, compare=False, metadata={"private": True})
     states: tuple[BodyState, BodyState] = field(repr=False, compare=False, metadata={"private": True})
+    collision: PassCollision | None = field(default=None, metadata={"private": True})
 
     @property
     def label(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from rso_lidar import units
 from rso_lidar.files import align_columns, format_csv, write_text
 from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
 from rso_lidar.mission_analysis.passes.exclusion import keep_out_radius_m, select_rtn_corridors
+from rso_lidar.mission_analysis.passes.pass_collision import PassCollision
 from rso_lidar.mission_analysis.passes.pass_geometry import (
     SMALL_M2,
     Encounter,
@@ -29,6 +31,7 @@ NOTE = (
 
 
 _CERTAIN = 0.995  # probability from which two decimals show 1
+_REASONS = 4  # why probabilities are missing that are printed
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +40,16 @@ class Encounters:
 
     `follower` is its element set nearest to the start, or its trajectory; None where all pairs were searched. `rejected`
     lists objects that were not propagated to the end, with the reason. `switching` counts objects that change to another
-    element set within the span. `TEXT_HEADS` are the heads of columns of text, which align to the left, and `MAX_SLEW_DEG_S`
-    is the limit of the rate of the line of sight where none is given.
+    element set within the span. `has_collisions` states whether the probability of collision was asked for. `TEXT_HEADS`
+    are the heads of columns of text, which align to the left, and `MAX_SLEW_DEG_S` is the limit of the rate of the line of
+    sight where none is given.
     """
 
     MAX_SLEW_DEG_S: ClassVar[float] = 2.0
-    TEXT_HEADS: ClassVar[tuple[str, ...]] = ("follower", "object", "closest approach, UTC", "breaks")
+    TEXT_HEADS: ClassVar[tuple[str, ...]] = (
+        *("follower", "object", "closest approach, UTC", "breaks"),
+        *("by", "follower's covariance", "covariance"),
+    )
 
     rows: tuple[Encounter, ...]
     follower: Any
@@ -58,6 +65,7 @@ class Encounters:
     constraints: Constraints | None = None
     switching: int = 0
     light: PlateLight | None = None
+    has_collisions: bool = False
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -90,6 +98,7 @@ class Encounters:
             "speed, m/s",
             "inside, s",
         ]
+        heads += ["Pc"] if self.has_collisions else []
         heads += ["lidar, s", "slew, deg/s", *(["clear, s"] if self._excludes else []), "usable, s"]
         heads += ["photons", "pixels", *([] if self._is_always_found else ["found"])]
         heads += ["phase, deg", "Moon, deg", "limb, deg", "light", "age, d"]
@@ -109,6 +118,7 @@ class Encounters:
             f"{row.range_m / units.KM:,.3f}",
             f"{row.speed_m_s:,.1f}",
             ("" if row.entered and row.left else ">") + f"{row.inside_s:,.1f}",
+            *([_format_collision(row.collision)] if self.has_collisions else []),
             _format_seconds(row.lidar_s),
             f"{row.slew_deg_s:,.3f}",
             *([_format_seconds(row.clear_s)] if self._excludes else []),
@@ -123,6 +133,81 @@ class Encounters:
             "-" if math.isnan(row.age_days) else f"{round(row.age_days, 1) + 0.0:.1f}",  # no -0.0
             *([", ".join(row.breaks) or "-"] if self.constraints is not None else []),
         ]
+
+    def collision_cells(self) -> tuple[list[str], list[list[str]]]:
+        """Return the heads and rows of the table of what was used for each probability of collision that is known."""
+        heads = ["#", "Pc", "by", "Foster", "3-D", "sigma, m", "Mahalanobis", "greatest Pc", "radius, m", "object"]
+        heads += ["sigma R, m", "sigma T, m", "sigma N, m", "window, s", "follower's covariance", "covariance"]
+        rows = []
+        for number, row in enumerate(self.rows, start=1):
+            used = row.collision
+            if used is None or not used.is_known:
+                continue
+            sigmas = (used.sigma_radial_m, used.sigma_along_m, used.sigma_cross_m)
+            rows.append(
+                [
+                    str(number),
+                    f"{used.collision_probability:.2e}",
+                    used.collision_method + ("*" if used.differs else ""),
+                    _format_tiny(used.foster_probability),
+                    _format_tiny(used.integral_probability),
+                    f"{used.miss_sigma_m:,.0f}",
+                    "-" if math.isnan(used.mahalanobis) else f"{used.mahalanobis:.2f}",
+                    _format_tiny(used.greatest_probability) if used.is_diluted else "-",
+                    f"{used.hard_body_radius_m:g}",
+                    row.label,
+                    *(f"{sigma_m:,.0f}" for sigma_m in sigmas),
+                    "-" if math.isnan(used.integral_window_s) else f"{used.integral_window_s:,.3g}",
+                    used.follower_covariance,
+                    used.covariance,
+                ]
+            )
+        return heads, rows
+
+    def collision_notes(self) -> list[str]:
+        """Return the notes about probabilities of collision: what they are, their sum, and what is missing."""
+        if not self.has_collisions:
+            return []
+        rows = [(row, row.collision) for row in self.rows if row.collision is not None]
+        known = [used for _, used in rows if used.is_known]
+        lines = []
+        if known:
+            origins = sorted({used.hard_body_source for used in known})
+            more = f", and {len(origins) - 3} more" if len(origins) > 3 else ""
+            lines.append(f"Pc: probability of collision; combined hard-body radius: {'; '.join(origins[:3])}{more}")
+            lines.append(
+                "by: Foster where the encounter takes at most 2 % of a revolution and no integral in 3-D differs by over 2 %"
+                + ("; *: they differ" if any(used.differs for used in known) else "")
+            )
+            lines.append(
+                "sigma: of the relative position along the line of sight, R, T and N: in the follower's rtn axes"
+            )
+        if any(used.is_diluted for used in known):
+            lines.append(
+                "greatest Pc: over all sizes of the covariance, where it is diluted: better orbits could raise it"
+            )
+        if any("own sets" in used.covariance + used.follower_covariance for used in known):
+            lines.append(
+                "covariances of element sets are differences of their own sets by age: consistency, not accuracy, with the "
+                "errors of both sets"
+            )
+        if len(known) > 1:
+            total = sum(used.collision_probability for used in known)
+            lines.append(
+                f"expected collisions of all {len(known)} passes: {total:.2e}, an upper bound of the probability of any; "
+                "windows of neighbouring slow passes may overlap, and count twice then"
+            )
+        reasons: dict[str, list[str]] = {}
+        for row, used in rows:
+            if not used.is_known:
+                reasons.setdefault(used.collision_reason, []).append(row.label)
+        for reason, labels in list(reasons.items())[:_REASONS]:
+            several = list(dict.fromkeys(labels))
+            shown = ", ".join(several[:3]) + (f" and {len(several) - 3} more" if len(several) > 3 else "")
+            lines.append(f"Pc -: {shown}: {reason}")
+        if len(reasons) > _REASONS:
+            lines.append(f"Pc -: {len(reasons) - _REASONS} more reasons in the CSV file, column collision_reason")
+        return lines
 
     @property
     def _is_always_found(self) -> bool:
@@ -162,6 +247,7 @@ class Encounters:
             *(["the lidar is on the object named first, the follower of the pair"] if self.follower is None else []),
             *self._describe_accuracy(),
         ]
+        lines += self.collision_notes()
         lines += self._explain_docked()
         if self.switching:
             several = format_count(self.switching, "object")
@@ -235,6 +321,10 @@ class Encounters:
             return "\n".join([self.title, "no encounter found", *self.notes()])
         heads, body = self.cells()
         lines = align_columns([heads, *body], [k for k, head in enumerate(heads) if head in self.TEXT_HEADS])
+        heads, body = self.collision_cells()
+        if body:
+            left = [k for k, head in enumerate(heads) if head in self.TEXT_HEADS]
+            lines += ["", "what was used for Pc", *align_columns([heads, *body], left), ""]
         return "\n".join([self.title, *lines, *self.notes()])
 
     def figure(self) -> Any:
@@ -246,7 +336,10 @@ class Encounters:
             np.array([row.range_m for row in rows]),
             np.array([row.speed_m_s for row in rows]),
             np.array([row.sunlit_fraction >= 0.5 for row in rows]),
-            [row.label if self.follower else f"{row.follower_label}, {row.label}" for row in rows],
+            [
+                (row.label if self.follower else f"{row.follower_label}, {row.label}") + _format_name_end(row.collision)
+                for row in rows
+            ],
             self.within_m,
             self.reach_m[1],
             f"Encounters of {(self.follower.name or self.follower.label) if self.follower else 'all pairs'}",
@@ -274,9 +367,66 @@ class Encounters:
         RecordingError
             If the file exists or cannot be written there.
         """
-        names = Encounter.columns()
-        rows = [[_format_cell(name, getattr(row, name)) for name in names] for row in self.rows]
-        return write_text(path, format_csv([names, *rows]), overwrite=overwrite)
+        rows = [[_format_cell(name, value) for name, value in self._list_values(row).items()] for row in self.rows]
+        return write_text(path, format_csv([self._columns(), *rows]), overwrite=overwrite)
+
+    def json(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write all rows and columns as JSON, with the search and its notes; what is not known is null.
+
+        Parameters
+        ----------
+        path : of the file
+        overwrite : whether an existing file may be replaced
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RecordingError
+            If the file exists or cannot be written there.
+        """
+        tree = {
+            "title": self.title,
+            "start_utc": f"{self.start_utc.astimezone(datetime.UTC):%Y-%m-%dT%H:%M:%SZ}",
+            "days": self.days,
+            "within_m": self.within_m,
+            "lidar": self.lidar_name,
+            "encounters": [
+                {name: _clean(value) for name, value in self._list_values(row).items()} for row in self.rows
+            ],
+            "rejected": [list(entry) for entry in self.rejected],
+            "notes": self.notes(),
+        }
+        return write_text(path, json.dumps(tree, indent=1, ensure_ascii=False) + "\n", overwrite=overwrite)
+
+    def _columns(self) -> list[str]:
+        return Encounter.columns() + (PassCollision.columns() if self.has_collisions else [])
+
+    def _list_values(self, row: Encounter) -> dict[str, Any]:
+        """Return the values of a row by the names of their columns."""
+        used = row.collision or PassCollision()
+        collision = PassCollision.columns()
+        return {name: getattr(used if name in collision else row, name) for name in self._columns()}
+
+
+def _format_collision(used: PassCollision | None) -> str:
+    return "-" if used is None or not used.is_known else f"{used.collision_probability:.1e}"
+
+
+def _format_name_end(used: PassCollision | None) -> str:
+    """Return what the picture adds to a name: its probability of collision."""
+    return "" if used is None or not used.is_known else f", Pc {used.collision_probability:.1e}"
+
+
+def _format_tiny(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.2e}"
+
+
+def _clean(value: Any) -> Any:
+    """Return a value for JSON, which has no NaN."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _format_seconds(time_s: float) -> str:

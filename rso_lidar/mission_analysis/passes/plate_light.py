@@ -27,6 +27,9 @@ SIDE_M, REFLECTANCE, FLASH_RATE_HZ = 1.0, 0.30, 1.0  # assumed where nothing is 
 _LEAST_SHARE = 0.01  # of the threshold's photons: below it the light adds nothing to false triggers, which do not count
 _GATED_NEAR_M = 1.0  # assumed: a gate opens after the pulse has left, 7 ns for 1 m
 _AT_ONCE = 20_000  # instants in one call of a detector
+_PIXELS = 256  # of the camera, over which the probability is averaged: thresholds differ from pixel to pixel
+_PROBES = 4  # of them that tell whether the probability depends on the pixel
+_ALIKE = 1e-4  # difference of their probabilities below which it does not
 _PHASES = 16  # of the flashes over which the mean is taken: a stay shorter than a frame is right within 1/16
 _MANY = 64.0  # flashes in a stay from which a sum over flashes is an integral, within half a flash of 64
 _CERTAIN = 1e-12  # keeps the logarithm of the probability of a miss finite
@@ -144,7 +147,10 @@ class PlateLight:
         return np.where(np.isfinite(rate), rate, 0.0)
 
     def find_in_flash(self, range_m: np.ndarray, rate_m_s: np.ndarray, sunlight_per_s: np.ndarray) -> np.ndarray:
-        """Return the probability (instant) that one flash finds the plate.
+        """Return the probability (instant) that one flash finds the plate, wherever its image falls.
+
+        Thresholds differ from pixel to pixel. The probability of a pixel is therefore the mean over the same 256 pixels at
+        each instant, and the pixels that the plate covers count as drawn from them independently.
 
         Parameters
         ----------
@@ -160,7 +166,7 @@ class PlateLight:
         )
         for begin in range(0, len(some), _AT_ONCE):
             lot = some[begin : begin + _AT_ONCE]
-            of_pixel = self._find_in_pixel(photons[lot], range_m[lot], rate_m_s[lot], sunlight_per_s[lot])
+            of_pixel = self._average_pixels(photons[lot], range_m[lot], rate_m_s[lot], sunlight_per_s[lot])
             pixels = np.maximum(self.count_pixels(range_m[lot]).astype(np.int64), 1)
             enough = pixels >= self.finding.pixels
             each = np.clip(of_pixel, 0.0, 1.0)
@@ -169,26 +175,41 @@ class PlateLight:
             )
         return probability
 
-    def _find_in_pixel(
+    def _average_pixels(
         self, photons: np.ndarray, range_m: np.ndarray, rate_m_s: np.ndarray, sunlight_per_s: np.ndarray
     ) -> np.ndarray:
-        """Return the probability (instant) that a pixel reports the plate."""
-        laser, detector = self.lidar.laser, self.lidar.detector
+        """Return the mean probability (instant) that a pixel of the camera reports the plate."""
+        detector = self.lidar.detector
         spread_s = np.abs(rate_m_s) * self.lidar.exposure_s / units.RANGE_PER_DELAY_M_S
-        if not detector.traits.is_gated:
-            light = make_plate(photons, len(photons), laser.pulse, laser.pulse_fwhm_s, np.maximum(range_m - 0.5, 0.0))
-            light = replace(
-                light,
-                depth_spread_s=spread_s,
-                background_photons_per_s=sunlight_per_s[None] if self.has_sunlight else None,
-            )
-            probability = report_probability(detector, light, np.ones(len(photons), dtype=bool))
-            if probability is not None:
-                return probability
+        inputs = photons, range_m, spread_s, sunlight_per_s
+        probes = None if detector.traits.is_gated else self._list_pixels(*(np.repeat(of, _PROBES) for of in inputs))
+        if probes is not None:
+            probes = probes.reshape(-1, _PROBES)
+            mean: np.ndarray = probes.mean(axis=1)
+            for k in np.flatnonzero(np.ptp(probes, axis=1) > _ALIKE):
+                pixels = self._list_pixels(*(np.full(_PIXELS, of[k]) for of in inputs))
+                mean[k] = mean[k] if pixels is None else pixels.mean()
+            return mean
         # a gate is placed about the plate at any range; sunlight is not counted here
         reported = predict(detector, self.lidar.pulse, photons, spread_s, only_probability=True).probability
         quiet: np.ndarray = reported * (1.0 - false_alarm_probability(detector, range_m))
         return quiet
+
+    def _list_pixels(
+        self, photons: np.ndarray, range_m: np.ndarray, spread_s: np.ndarray, sunlight_per_s: np.ndarray
+    ) -> np.ndarray | None:
+        """Return the probability (pixel) that each of the first pixels of a camera reports a plate of its own.
+
+        Without a closed form of the detector there is none. All parameters are (pixel).
+        """
+        laser = self.lidar.laser
+        light = make_plate(photons, len(photons), laser.pulse, laser.pulse_fwhm_s, np.maximum(range_m - 0.5, 0.0))
+        light = replace(
+            light,
+            depth_spread_s=spread_s,
+            background_photons_per_s=sunlight_per_s[None] if self.has_sunlight else None,
+        )
+        return report_probability(self.lidar.detector, light, np.ones(len(photons), dtype=bool))
 
     def find_over_stay(self, time_s: np.ndarray, probability: np.ndarray) -> float:
         """Return the probability that the plate is found at all, the mean over the phase of the flashes.

@@ -18,7 +18,9 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError, quote_value
+from rso_lidar.mission_analysis.passes.covariance_sources import CovarianceSources
 from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M
+from rso_lidar.mission_analysis.passes.pass_collision import HardBodies, PassObject, assess_pass
 from rso_lidar.mission_analysis.passes.pass_geometry import Encounter, build_encounters, reach_m
 from rso_lidar.mission_analysis.passes.pass_table import Encounters
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight, ViewedPlate
@@ -26,6 +28,7 @@ from rso_lidar.mission_analysis.passes.search_objects import SearchObjects, coll
 from rso_lidar.orbit import (
     STALE_DAYS,
     ElementSet,
+    Epochs,
     NamedTrajectory,
     PairScreening,
     ScheduledFleet,
@@ -73,6 +76,9 @@ def encounters(
     limit: int | None = None,
     plate: ViewedPlate | None = None,
     finding: Finding | None = None,
+    radius_m: float | None = None,
+    hard_bodies: Mapping[Any, Any] | None = None,
+    covariances: Any = None,
     trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> Encounters:
@@ -101,6 +107,17 @@ def encounters(
     limit : greatest number of rows (None: all)
     plate : what the lidar looks at, and how often (None: all values are assumed)
     finding : when it counts as found (None: one pixel of one flash)
+
+    Other Parameters
+    ----------------
+    radius_m : combined hard-body radius of all pairs, with which the probability of collision is computed where both
+        covariances are known [m]; None: the sum of `hard_bodies`, and of the meshes of scenarios' targets
+    hard_bodies : radius of single objects by name or catalogue number: metres, or a model of the catalogue, whose radius is
+        that of a sphere about its centre of mass that holds its mesh
+    covariances : sources of covariances, some perhaps as pairs of a name or catalogue number and a source, or a mapping. A
+        source is a file (OEM, OPM, CDM, element sets, or a CSV table by age with age_days, radial_m, along_m, cross_m),
+        `SetErrors`, `SetErrorTable`, or anything that answers `at(epochs)` with (time, 6, 6) in GCRS axes. Element sets of
+        `catalog` are a source for their own object, as are covariances in its OEM or OPM
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that scenarios among the files name
 
     Returns
@@ -111,7 +128,8 @@ def encounters(
     Raises
     ------
     ScenarioError
-        For limits and spans without meaning, and for a follower that is not in the catalogue.
+        For limits and spans without meaning, for a follower that is not in the catalogue, and for radii and covariances that
+        cannot be used.
     """
     check_span(within_m, start_utc, days, max_slew_deg_s)
     if sort not in _KEYS:
@@ -129,19 +147,24 @@ def encounters(
     if isinstance(follower, Path):
         follower = load_follower(str(follower), trust_code=trust_code, trust_fmu=trust_fmu)
     found_objects = collect_objects(catalog, trust_code=trust_code, trust_fmu=trust_fmu)
+    bodies = HardBodies(radius_m, hard_bodies)
+    sources = CovarianceSources(covariances, [*found_objects.entries, *_list_sets(follower)])
     lead: Any = None
+    leads: list[Any]
     screening: ScreeningResult | PairScreening
     if follower is None:
         others = group_by_object(found_objects.entries)
         if len(others) < 2:
             label, why = next(iter(found_objects.problems), (found_objects.where, "no other object is there"))
             raise CatalogError(f"{label}: {why}; all pairs need two or more objects, and {len(others)} can be used")
+        leads = others
         screening = screen_pairs(others, start_utc, days * units.DAY_S, within_m)
     else:
         own = choose_follower(found_objects, follower, catalog)
         lead = own[0]
         if isinstance(lead, ElementSet):
             lead = min(own, key=lambda entry: abs((entry.epoch_utc - start_utc).total_seconds()))
+        leads = [own]
         others = group_by_object([entry for entry in found_objects.entries if not is_same(entry, lead)])
         screening = screen(
             own if isinstance(lead, ElementSet) else lead, others, start_utc, days * units.DAY_S, within_m
@@ -151,9 +174,14 @@ def encounters(
     rows = fold_docked(
         screening, sorted(build_encounters(screening, reach, max_slew_deg_s, light, constraints), key=_KEYS[sort])
     )
-    rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)]
+    rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)][
+        :limit
+    ]
+    is_asked = bodies.is_asked or covariances is not None
+    if is_asked:
+        rows = [_assess_row(row, leads, others, start_utc, sources, bodies) for row in rows]
     return Encounters(
-        rows=tuple(rows[:limit]),
+        rows=tuple(rows),
         follower=lead,
         lidar=lidar,
         lidar_name=lidar_name or lidar.preset or "as given",
@@ -167,7 +195,35 @@ def encounters(
         constraints=constraints,
         switching=screening.objects.switching + (0 if lead is None else screening.follower.switching),
         light=light,
+        has_collisions=is_asked,
     )
+
+
+def _list_sets(follower: Any) -> list[Any]:
+    """List the element sets of a follower that was given as such."""
+    return list(follower) if isinstance(follower, list | tuple) else [follower]
+
+
+def _assess_row(
+    row: Encounter,
+    leads: Sequence[Any],
+    others: Sequence[Any],
+    start_utc: datetime.datetime,
+    sources: CovarianceSources,
+    bodies: HardBodies,
+) -> Encounter:
+    """Add the probability of collision to an encounter.
+
+    Parameters
+    ----------
+    leads, others : objects by the numbers of the screening: those with the lidar, and those that it looks at
+    """
+    if row.docked:
+        return row
+    follower = PassObject(leads[row.stay.lead], row.follower_label, row.follower_age_days, row.states[0])
+    target = PassObject(others[row.stay.which], row.label, row.age_days, row.states[1])
+    epochs = Epochs(start_utc, np.array([row.time_s]))
+    return replace(row, collision=assess_pass(follower, target, epochs, sources, bodies))
 
 
 def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_slew_deg_s: float) -> None:

@@ -121,3 +121,14 @@ def test_what_is_assumed_is_called_so():
     assert ViewedPlate(side_m=2.0, reflectance=0.1, flash_rate_hz=5.0).describe() == (
         "a facing square plate of 2 m side, reflectance 0.1, flashes at 5 Hz"
     )
+
+
+def test_the_probability_of_one_flash_does_not_depend_on_the_pixel():
+    """It is the mean over pixels, the same at equal ranges. Of several pixels each is drawn independently."""
+    far_m = 3000.0
+    light = make_light(side_m=0.7)
+    edge = np.linspace(1000.0, far_m, 200)
+    at_m = float(edge[np.argmin(np.abs(find(light, edge) - 0.5))])  # where half of the flashes find it
+    same = find(light, np.full(30, at_m))
+    assert np.ptp(same) == 0.0 and 0.1 < same[0] < 0.9
+    assert np.all(np.diff(find(light, edge)) <= 1e-3)  # a greatest value over a stay is that of its nearest instant
