@@ -120,8 +120,8 @@ def events(
 
     The search covers days. Conditions are joined by and, or, not and parentheses. Range, speed, slew, sun, moon, limb,
     phase, angle(AXIS), elevation(STATION), pixels and found are compared with a number and its unit. Visible, sunlit,
-    penumbra, umbra, lit, contact(STATION), field, beam, regard, keep_out and corridor hold or do not. All words are in
-    small letters.
+    penumbra, umbra, lit, contact(STATION), field, beam, regard, keep_out, corridor and plume(ANGLE, RANGE) hold or do
+    not. All words are in small letters.
     """
     if follower is not None and all_pairs:
         raise ScenarioError("events: --follower and --all-pairs exclude each other; leave one out")

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rso_lidar.rpo.navigation.slow_errors import CentroidWander, SensorBias, SlowErrors
     from rso_lidar.rpo.plans.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
     from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
+    from rso_lidar.rpo.plans.exhaust import plume_margin
     from rso_lidar.rpo.plans.free_holds import Perch, PulsedStationKeeping
     from rso_lidar.rpo.plans.glideslope import Glideslope
     from rso_lidar.rpo.plans.keep_out import KeepOutSphere
@@ -148,6 +149,7 @@ __all__ = [
     "clohessy_wiltshire",
     "find_clear_views",
     "mean_motion_of_state",
+    "plume_margin",
     "propagate_yamanaka_ankersen",
     "relative_elements_from_states",
     "rtn_axes",

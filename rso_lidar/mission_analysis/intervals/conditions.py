@@ -11,7 +11,8 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.mission_analysis.budgets.pixel_light import pixel_width_m
-from rso_lidar.mission_analysis.intervals.expression import Condition
+from rso_lidar.mission_analysis.intervals.exhaust import PlanExhaust
+from rso_lidar.mission_analysis.intervals.expression import Condition, intersect_spans, parse_quantity
 from rso_lidar.mission_analysis.intervals.found_table import tabulate_found
 from rso_lidar.mission_analysis.intervals.pointing import FollowerPointing
 from rso_lidar.mission_analysis.passes.exclusion import keep_out_radius_m, select_rtn_corridors
@@ -34,6 +35,7 @@ from rso_lidar.orbit import (
     ScheduledFleet,
     elevation_rad,
     find_bounded_spans,
+    join_spans,
     rtn_angle_rad,
     sun_height_rad,
 )
@@ -66,6 +68,7 @@ WORDS: dict[str, str | None] = {
     "regard": None,
     "keep_out": None,
     "corridor": None,
+    "plume": None,
 }
 _RTN = {"r": (1.0, 0.0, 0.0), "t": (0.0, 1.0, 0.0), "n": (0.0, 0.0, 1.0)}
 _BODY = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -93,12 +96,14 @@ class EventContext:
     constraints : keep-out sphere and corridors; None for none
     stations : on the ground, by name
     pointing : of a scenario's follower; None where the follower has no attitude
+    exhaust : of a scenario's body that is the follower; None for other objects, and where no condition asks
     """
 
     light: PlateLight
     constraints: Constraints | None
     stations: Mapping[str, GroundStation]
     pointing: FollowerPointing | None
+    exhaust: PlanExhaust | None = None
 
 
 class EventSearch:
@@ -134,6 +139,10 @@ class EventSearch:
             for part in parts:
                 windows = self.find(part, windows, follower, target)
             return list(windows)
+        if condition.word == "plume":
+            exhaust, half_angle_rad, range_m = self._find_exhaust(condition.arguments)
+            spans = exhaust.find(lambda time_s: self.sample(follower, target, time_s), windows, half_angle_rad, range_m)
+            return intersect_spans(windows, join_spans(spans, 0.0))
         station, who = self._find_station(condition)
         wanted = self.make_margin(condition, station, who)
 
@@ -210,6 +219,23 @@ class EventSearch:
             )
         return self._instrument.pointing
 
+    def _find_exhaust(self, arguments: Sequence[str]) -> tuple[PlanExhaust, float, float]:
+        """Return the exhaust, its half angle [rad] and its range [m], as given or as limited by the plan."""
+        exhaust = self._instrument.exhaust
+        if exhaust is None:
+            raise ScenarioError("when: plume needs a follower that flies a plan; give its scenario as --follower")
+        if not arguments and exhaust.half_angle_deg is not None and exhaust.range_m is not None:
+            return exhaust, exhaust.half_angle_deg * units.DEG, exhaust.range_m
+        kinds = ("angle", "length")
+        given = [parse_quantity(text, kind) for text, kind in zip(arguments, kinds, strict=False)]
+        if len(arguments) == 2 and all(given) and min(given) > 0.0 and given[0] < np.pi:  # type: ignore[type-var,operator]
+            return exhaust, *given  # type: ignore[return-value]
+        written = f"plume({', '.join(arguments)})" if arguments else "plume"
+        raise ScenarioError(
+            f"when: {written}: needs the half angle of the exhaust, below 180deg, and its range; write plume(30deg, 200m)"
+            + ("" if arguments else ", or give the sequence plume_half_angle_deg and plume_range_m")
+        )
+
     def check(self, condition: Condition) -> None:
         """Raise `ScenarioError` for arguments that a condition does not take, and for what is not known."""
         word, arguments = condition.word, condition.arguments
@@ -220,9 +246,11 @@ class EventSearch:
                 raise ScenarioError(f"when: angle{given}: needs one axis; give one of {', '.join(known)}")
         elif word in ("sunlit", "penumbra", "umbra"):
             self._check_who(word, arguments)
+        elif word == "plume":
+            self._find_exhaust(arguments)
         elif word not in ("contact", "elevation") and arguments:
             raise ScenarioError(f"when: {word} takes no arguments; leave ({', '.join(arguments)}) out")
-        if word != "lit":
+        if word not in ("lit", "plume"):
             self.make_margin(condition, *self._find_station(condition))
 
     def _check_who(self, word: str, who: Sequence[str]) -> None:

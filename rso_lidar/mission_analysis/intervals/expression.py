@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+import string
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -94,11 +95,11 @@ def find_in_windows(
     if expression.kind == "not":
         gaps = itertools.pairwise([-math.inf, *(edge for span in joined for edge in span), math.inf])
         joined = list(gaps)[::2]
-    both = _intersect(windows, joined)
+    both = intersect_spans(windows, joined)
     return [span for span in both if span[1] - span[0] > _SLIVER_S] if expression.kind == "not" else both
 
 
-def _intersect(
+def intersect_spans(
     windows: Sequence[tuple[float, float]], spans: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
     """Return the parts of spans, each list in order, that are in windows; spans are cut where one window follows another."""
@@ -131,6 +132,22 @@ def parse_expression(text: str, words: dict[str, str | None]) -> Expression:
     Condition(word='range', arguments=(), is_below=True, limit=2000.0)
     """
     return _Parser(text, words).parse()
+
+
+def parse_quantity(text: str, kind: str) -> float | None:
+    """Parse a number with its unit, such as ``30deg``, and return it in SI units; None for what is not one of its kind.
+
+    Parameters
+    ----------
+    kind : of unit, of `UNITS`
+    """
+    number = text.rstrip("/" + string.ascii_letters)
+    factor = UNITS[kind].get(text[len(number) :])
+    try:
+        value = float("nan") if factor is None else factor * float(number)
+    except ValueError:
+        value = float("nan")
+    return value if math.isfinite(value) else None
 
 
 class _Parser:
@@ -185,9 +202,9 @@ class _Parser:
             raise self._wrong(place, f"is not a condition{guess or ';'} (known: {', '.join(self._words)})")
         arguments: list[str] = []
         if self._take("("):
-            arguments.append(self._next("an argument")[1])
+            arguments.append(self._parse_argument())
             while self._take(","):
-                arguments.append(self._next("an argument")[1])
+                arguments.append(self._parse_argument())
             self._need(")")
         unit_kind = self._words[word]
         compares = self._at < len(self._tokens) and self._tokens[self._at][0] == "compare"
@@ -200,6 +217,13 @@ class _Parser:
             raise self._wrong(place, f"needs a limit; write for example {word} < 5{example}")
         sign = self._next("a comparison")[1]
         return Condition(word, tuple(arguments), "<" in sign, self._parse_limit(word, unit_kind))
+
+    def _parse_argument(self) -> str:
+        """Parse a word, or a number with its unit."""
+        kind, text, _ = self._next("an argument")
+        if kind == "number" and self._at < len(self._tokens) and self._tokens[self._at][0] == "word":
+            text += self._next("a unit")[1]
+        return text
 
     def _parse_limit(self, word: str, unit_kind: str) -> float:
         """Parse a number with its unit, and return it in SI units."""

@@ -19,6 +19,7 @@ from rso_lidar.mission_analysis.intervals.conditions import (
     find_windows,
 )
 from rso_lidar.mission_analysis.intervals.event_table import Event, Events
+from rso_lidar.mission_analysis.intervals.exhaust import PlanExhaust
 from rso_lidar.mission_analysis.intervals.expression import (
     Condition,
     Expression,
@@ -149,11 +150,14 @@ def events(
     flights = ScheduledFleet(flown, start_utc, duration_s)
     if isinstance(lead, ElementSet):
         warn_of_age(flights, lead)
-    pointing = None
-    if scenario is not None and body.name == "follower" and _is_pointed(expressions.values()):
+    pointing = exhaust = None
+    if scenario is not None:
         shift_s = (start_utc - scenario.time.start_utc).total_seconds()
-        pointing = FollowerPointing(scenario, shift_s + duration_s)
-    instrument = EventContext(light, constraints, _name_stations(stations), pointing)
+        if body.name == "follower" and _ask_for(("field", "beam", "regard", "angle"), expressions.values()):
+            pointing = FollowerPointing(scenario, shift_s + duration_s)
+        if _ask_for(("plume",), expressions.values()):
+            exhaust = PlanExhaust(scenario, body.name, shift_s + duration_s, shift_s)
+    instrument = EventContext(light, constraints, _name_stations(stations), pointing, exhaust)
     search = EventSearch(flights, instrument)
     for expression in expressions.values():
         for condition in _list_conditions(expression):
@@ -216,13 +220,9 @@ def _list_conditions(expression: Expression) -> list[Condition]:
     return [condition for part in expression.parts for condition in _list_conditions(part)]
 
 
-def _is_pointed(expressions: Iterable[Expression]) -> bool:
-    """Return whether an expression asks where the follower points."""
-    return any(
-        condition.word in ("field", "beam", "regard", "angle")
-        for expression in expressions
-        for condition in _list_conditions(expression)
-    )
+def _ask_for(words: Sequence[str], expressions: Iterable[Expression]) -> bool:
+    """Return whether an expression has one of some words."""
+    return any(condition.word in words for expression in expressions for condition in _list_conditions(expression))
 
 
 def _name_stations(stations: Sequence[GroundStation]) -> dict[str, GroundStation]:

@@ -104,7 +104,8 @@ def find_mission_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None
         return find_plan(follower, scenario.bodies, scenario.time.start_utc)
 
 
-_BESIDE_S = 1e-3  # step before an impulse at which an ephemeris ends
+_BESIDE_S = 1e-5  # step before an impulse at which an ephemeris ends
+_CLEAR_S = 2e-3  # before an impulse without other states, which would spoil the interpolation up to its end
 
 
 def sample_between_impulses(
@@ -125,7 +126,7 @@ def sample_between_impulses(
     breaks = find_velocity_jumps_s(scenario, name)
     inside = sorted(at for at in breaks if time_s[0] + _BESIDE_S < at < time_s[-1])
     ends = [at - back for at in inside for back in (_BESIDE_S, 0.0)]
-    kept = [t for t in time_s.tolist() if not any(at - 2.0 * _BESIDE_S < t < at for at in inside)]
+    kept = [t for t in time_s.tolist() if not any(at - _CLEAR_S < t < at for at in inside)]
     epochs = orbit.Epochs(scenario.time.start_utc, np.union1d(kept, ends))
     return epochs, motion.truth(scenario.bodies, epochs, **scenario.world.motion_arguments).states[name], inside
 

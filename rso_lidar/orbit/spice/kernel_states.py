@@ -96,11 +96,12 @@ def _find_body(spice: Any, body: str) -> int:
 
 
 def shift_states(states: BodyState, by_s: np.ndarray) -> BodyState:
-    """Shift states by some 0.1 us each, with the acceleration of the Earth as a point."""
+    """Shift states by up to a millisecond each, with the acceleration of the Earth as a point."""
     radius_m = np.linalg.norm(states.position_m, axis=-1)[:, None]
     step_s = by_s[:, None]
-    change = -units.EARTH_GM_M3_S2 * states.position_m / radius_m**3
-    return BodyState(states.position_m + states.velocity_m_s * step_s, states.velocity_m_s + change * step_s)
+    change = -units.EARTH_GM_M3_S2 * states.position_m / radius_m**3 * step_s
+    moved_m = states.position_m + (states.velocity_m_s + 0.5 * change) * step_s
+    return BodyState(moved_m, states.velocity_m_s + change)
 
 
 def read_spice_attitude(kernels: Sequence[str], frame: str, epochs: Epochs) -> tuple[np.ndarray, np.ndarray]:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 _EARTH, _DEGREE = 399, 7
 _TICKS_PER_S = 1_000_000
+# Over 1 ms the Earth as a point misplaces a state by some 10 nm and 10 um/s in a low orbit.
+_JOINED_S = 1e-3
 _FRAME = """KPL/FK
 
 Body-fixed frame of {name}; its attitude is in a CK of the same name.
@@ -81,7 +83,8 @@ def write_spk(
     Other Parameters
     ----------------
     kind : type of the kernel, 9 or 13
-    breaks_s : instants [s] at which the velocity jumps; a new segment begins at each
+    breaks_s : instants [s] at which the velocity jumps; a new segment begins at each. The last state before it is carried
+        to it, if nearer than 1 ms, so that the segments meet; at the break itself the later one answers
     overwrite : whether an existing file is replaced
 
     Returns
@@ -100,9 +103,7 @@ def write_spk(
     shape = (len(epochs), 3)
     if np.shape(states.position_m) != shape or np.shape(states.velocity_m_s) != shape:
         raise RecordingError(f"spk: {len(epochs)} epochs need positions and velocities {shape}")
-    moved = shift_states(states, -rest_s)
-    velocity_m_s = moved.velocity_m_s / (1.0 + find_tdb_rate(times_s))[:, None]
-    rows = np.concatenate([moved.position_m, velocity_m_s], axis=1) / units.KM
+    rows = _list_rows(states, times_s, -rest_s)
     if len(rows) < 2 or not np.isfinite(rows).all() or not (np.diff(times_s) > 0.0).all():
         raise RecordingError(
             "spk: needs finite states at two or more epochs that grow by 1 us or more; leave out the others"
@@ -111,17 +112,37 @@ def write_spk(
     parts = [part for part in np.split(np.arange(len(rows)), edges) if len(part)]
     if any(len(part) < 2 for part in parts):
         raise RecordingError("spk: only one epoch is between two breaks; give two or more on each side of a break")
+    segments = [(times_s[part].copy(), rows[part]) for part in parts]
+    for (at_s, last), later in zip(segments, parts[1:], strict=False):
+        ahead_s = times_s[later[0]] - at_s[-1]
+        if ahead_s <= _JOINED_S:
+            row = later[0] - 1
+            state = BodyState(states.position_m[row : row + 1], states.velocity_m_s[row : row + 1])
+            at_s[-1] = times_s[later[0]]
+            last[-1] = _list_rows(state, at_s[-1:], ahead_s - rest_s[row : row + 1])[0]
 
     def fill(spice: Any, file: str) -> None:
         handle = spice.spkopn(file, "SPK", 0)
-        for part in parts:
-            at_s = times_s[part]
+        for part, (at_s, rows) in zip(parts, segments, strict=True):
             degree = min(_DEGREE, 2 * len(part) - 1 if kind == 13 else len(part) - 1)
             write = spice.spkw13 if kind == 13 else spice.spkw09
-            write(handle, body, _EARTH, "J2000", at_s[0], at_s[-1], name[:40], degree, len(part), rows[part], at_s)
+            write(handle, body, _EARTH, "J2000", at_s[0], at_s[-1], name[:40], degree, len(part), rows, at_s)
         spice.spkcls(handle)
 
     return _write_binary(path, fill, overwrite=overwrite)
+
+
+def _list_rows(states: BodyState, times_s: np.ndarray, by_s: np.ndarray) -> np.ndarray:
+    """Return rows (time, 6) [km], [km/s of TDB] of states that are shifted in time.
+
+    Parameters
+    ----------
+    times_s : (time) ephemeris times of the rows [s]
+    by_s : (time) shifts [s]
+    """
+    moved = shift_states(states, by_s)
+    velocity_m_s = moved.velocity_m_s / (1.0 + find_tdb_rate(times_s))[:, None]
+    return np.concatenate([moved.position_m, velocity_m_s], axis=1) / units.KM
 
 
 def write_ck(

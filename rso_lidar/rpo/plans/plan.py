@@ -294,13 +294,18 @@ class Plan:
                 break
         return best
 
-    def stretches(self) -> list[tuple[Leg, float, float]]:
-        """Return each leg that begins by `duration_s`, with its begin and end [s]."""
-        ends = [*self._begins[1:], math.inf]
+    def stretches(self, until_s: float | None = None) -> list[tuple[Leg, float, float]]:
+        """Return each leg that begins by an instant, with its begin and end [s].
+
+        Parameters
+        ----------
+        until_s : the instant since the start of the plan [s]; `duration_s` if left out
+        """
+        last_s, ends = self.duration_s if until_s is None else until_s, [*self._begins[1:], math.inf]
         return [
-            (leg, leg.begin_s, min(float(end_s), self.duration_s))
+            (leg, leg.begin_s, min(float(end_s), last_s))
             for leg, end_s in zip(self.legs, ends, strict=True)
-            if leg.begin_s <= self.duration_s
+            if leg.begin_s <= last_s
         ]
 
     def _spans(self, until_s: float, fine_revolutions: float) -> list[tuple[float, float, float]]:

@@ -16,6 +16,7 @@ from rso_lidar.orbit import Epochs, Trajectory, angle_rad
 from rso_lidar.part import Positive, Vector
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.limits import LONGEST_S, MOST_PIECES, Velocity, format_years
+from rso_lidar.rpo.plans.exhaust import plume_margin
 from rso_lidar.rpo.plans.keep_out import KeepOutSphere
 from rso_lidar.rpo.plans.operation import ProximityOperation, check_lengths
 from rso_lidar.rpo.plans.plan import Plan
@@ -26,7 +27,6 @@ from rso_lidar.rpo.sequences.legs import AnyLeg, SequenceLeg
 from rso_lidar.rpo.sequences.sequence_plan import SequencePlan
 
 _SAMPLES = 200  # of the thrust of a forced stretch
-_LEAST_M_S2 = 1e-12  # a thrust below this is rounding
 
 
 class Sequence(ProximityOperation):
@@ -185,16 +185,13 @@ def _check_plume(plan: Plan, half_angle_deg: float, range_m: float) -> None:
     at_once = [(np.array([impulse.time_s]), impulse.delta_v_m_s[None]) for impulse in plan.impulses]
     for times_s, push in sorted([*at_once, *_sample_thrust(plan)], key=lambda pair: float(pair[0][0])):
         position, _ = plan.relative(times_s)
-        away_m = np.linalg.norm(position, axis=1)
-        # the exhaust is opposite to the push, and the body opposite to the position
-        off_rad = angle_rad(push, position)
-        hits = (off_rad < half_angle_deg * units.DEG) & (away_m < range_m)
-        hits &= np.linalg.norm(push, axis=1) > _LEAST_M_S2
+        hits = plume_margin(push, position, half_angle_deg * units.DEG, range_m) < 0.0
         if hits.any():
             k = int(np.argmax(hits))
+            off_deg = float(angle_rad(push[k], position[k])) / units.DEG
             raise ScenarioError(
-                f"plume_half_angle_deg: at {times_s[k]:.1f} s, {away_m[k]:.4g} m away, the body is "
-                f"{off_rad[k] / units.DEG:.1f} deg off the exhaust, less than {half_angle_deg:g} deg; brake farther "
+                f"plume_half_angle_deg: at {times_s[k]:.1f} s, {np.linalg.norm(position[k]):.4g} m away, the body is "
+                f"{off_deg:.1f} deg off the exhaust, less than {half_angle_deg:g} deg; brake farther "
                 "out, approach from another side, or shrink plume_range_m"
             )
 

@@ -120,6 +120,27 @@ def test_a_segment_begins_at_each_break(pool, tmp_path):
     assert error.value.bad.tolist() == [True, False, True]
 
 
+@pytest.mark.parametrize("before_s", [1e-5, 1e-3])
+def test_segments_meet_at_a_break_whose_states_are_just_before_it(pool, tmp_path, before_s):
+    """An ephemeris ends just before an impulse: the instants up to it are answered by the earlier segment."""
+    time_s = np.array([0.0, 60.0, 120.0 - before_s, 120.0, 180.0, 240.0])
+    epochs = Epochs(START, time_s)
+    states = ORBIT.states(epochs)
+    jump_m_s = np.where(time_s[:, None] >= 120.0, 1.0, 0.0)
+    path = write_spk(
+        tmp_path / "a.bsp", "craft", BODY, epochs, BodyState(states.position_m, states.velocity_m_s + jump_m_s),
+        breaks_s=(120.0,),
+    )  # fmt: skip
+    motion = SpiceMotion(kernels=(str(path),), body=str(BODY))
+    assert motion.breaks_s(epochs) == pytest.approx([0.0, 120.0, 240.0], abs=1e-6)
+    between = Epochs(START, np.array([119.9, 119.9989, 119.9991, 119.9999, 119.999997, 120.0]))
+    states, exact = motion.states(between), ORBIT.states(between)
+    # Hermite's of degree 5 over these minutes is good to 10 um; the orbit is two-body, as the step to the break is
+    assert np.abs(states.position_m - exact.position_m).max() < 1e-5
+    jump_m_s = (states.velocity_m_s - exact.velocity_m_s).mean(axis=1)
+    assert jump_m_s == pytest.approx([0.0] * 5 + [1.0], abs=1e-5)
+
+
 def test_an_attitude_that_is_written_is_what_the_toolkit_reads(pool, tmp_path):
     turns = Rotation.from_rotvec(EPOCHS.time_s[:, None] * RATE)  # constant in body axes
     path = write_ck(tmp_path / "a.bc", "craft", BODY, EPOCHS, turns, np.tile(RATE, (len(EPOCHS), 1)))
