@@ -48,7 +48,7 @@ def main(picture: Path) -> None:
     place_m = rtn_offset(chief, servicer.states(epochs))
     beside_m = rtn_offset(chief, neighbour.states(epochs))
     for day in range(8):
-        x, y, z = place_m[144 * day]
+        x, y, _ = place_m[144 * day]
         print(f"day {day}: {x / 1e3:6.2f} km up, {y / 1e3:8.2f} km along")
     print(f"drift {(place_m[432, 1] - place_m[0, 1]) / 3e3:.2f} km a day, burns {servicer.delta_v_m_s:.3f} m/s")
     distance_m = np.linalg.norm(place_m - beside_m, axis=1)
@@ -72,6 +72,7 @@ def main(picture: Path) -> None:
     figures.draw_legend(above)
     below.plot(time_s / DAY_S, place_m[:, 0] / 1e3, color=palette.BLUE, lw=figures.LINE_PT, label="servicer")
     below.plot(time_s / DAY_S, beside_m[:, 0] / 1e3, color=palette.ORANGE, lw=figures.LINE_PT, label="neighbour")
+    below.set_ylim(-7.5, 9.5)  # room for the legend
     figures.style_axes(below, x="Time [days]", y="Height over the client [km]")
     figures.draw_legend(below)
     save_figure(figure, picture)

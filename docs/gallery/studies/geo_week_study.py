@@ -2,8 +2,8 @@
 When can a servicer see its client?
 ===================================
 
-Light, shadow and Sun over a day of the mission `examples/studies/geo_week.toml`. The script is `examples/studies/geo_week.py`,
-and its text `examples/studies/geo_week.md`.
+Light, shadow and Sun over a day of the mission `examples/studies/geo_week.toml`. The script is
+`examples/studies/geo_week.py`, and its text `examples/studies/geo_week.md`.
 """
 
 import rso_lidar as rl
