@@ -52,7 +52,7 @@ class PrescribedAttitude:
         Parameters
         ----------
         start_utc : start of the run
-        time_s : seconds since then
+        time_s : of the attitude [s]
         position_m, velocity_m_s : state in GCRS axes [m], [m/s]
         """
         from scipy.spatial.transform import Rotation

@@ -44,7 +44,7 @@ class Torqued(RigidRotation):
         """Settings of sunlight and air on the facets."""
         return self.facets
 
-    def with_table(self, find_table: Callable[[], FacetTable], _: Any = None) -> Self:
+    def with_table(self, find_table: Callable[[], FacetTable]) -> Self:
         """Return the attitude of a body whose facets are known.
 
         Parameters

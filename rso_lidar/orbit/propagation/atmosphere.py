@@ -65,7 +65,12 @@ class ExponentialAtmosphere(Part):
     has_rows: ClassVar[bool] = True  # whether the density jumps where a row of a table ends
 
     def interval_along(self, sky: Almanac) -> Callable[[float], int] | None:
-        """Return None: the density does not depend on time."""
+        """Return None: the density does not depend on time.
+
+        Parameters
+        ----------
+        sky : of the run; not used
+        """
         return None
 
     def density_along(self, sky: Almanac) -> Density:

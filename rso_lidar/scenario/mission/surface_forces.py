@@ -190,6 +190,6 @@ def bind_facets(body: Body, file: Callable[[str], Path], wavelength_m: float) ->
             model = getattr(part, "facet_model", None)
             if isinstance(model, FacetModel):
                 facets = find_facets(body, model, file, wavelength_m)
-                attitude = PrescribedAttitude(body.attitude) if place == "motion" else None
-                changes[place] = part.with_table(facets, attitude)
+                along = (PrescribedAttitude(body.attitude),) if place == "motion" else ()
+                changes[place] = part.with_table(facets, *along)
     return changes
