@@ -292,7 +292,7 @@ def _zonal_acceleration(zonals: tuple[float, ...], r: Any, radius: Any, pole: Ve
     ----------
     zonals : J2 and on
     r, radius : position [m] and its length; components may be arrays of one shape
-    pole : unit vector along the Earth's axis
+    pole : (3,) unit vector along the Earth's axis
     """
     s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
     ratio = units.EARTH_ZONAL_RADIUS_M / radius
@@ -319,7 +319,7 @@ def _drag_acceleration(drag: Drag, density: float, r: Vector3, v: Vector3, pole:
     ----------
     density : of the air [kg/m3]
     r, v : position [m] and velocity [m/s]
-    pole : unit vector along the Earth's axis
+    pole : (3,) unit vector along the Earth's axis
     """
     x, y, z = _find_air_pressure(density, r, v, pole)
     k = -drag.drag_coefficient * drag.area_m2 / drag.mass_kg
@@ -333,7 +333,7 @@ def _find_air_pressure(density: float, r: Vector3, v: Vector3, pole: Vector3) ->
     ----------
     density : of the air [kg/m3]
     r, v : position [m] and velocity [m/s]
-    pole : unit vector along the Earth's axis
+    pole : (3,) unit vector along the Earth's axis
     """
     if density == 0.0:
         return 0.0, 0.0, 0.0

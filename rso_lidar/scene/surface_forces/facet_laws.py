@@ -30,9 +30,10 @@ class GasLaw:
 
     @property
     def rebound(self) -> float:
-        """Most probable speed of the molecules thrown off, over the speed of flight, times the square root of 2.
+        """Speed of the molecules thrown off over that of flight, by Koppenwallner's accommodation of energy.
 
-        Koppenwallner's form of the accommodation of energy (Doornbos 2012, eq. 3.57).
+        Koppenwallner, Energy accommodation coefficient and momentum transfer modeling, HTG-TN-08-11, 2009. Moe's form has
+        2/3 in place of 1/2 and T / (2/3 s^2 T_air); at full accommodation the two are the same.
         """
         cooled = self.accommodation * (2.0 * self.temperature_ratio / self.speed_ratio**2 - 1.0)
         return math.sqrt(0.5 * (1.0 + cooled))
@@ -53,9 +54,8 @@ class GasLaw:
         s = self.speed_ratio
         thermal = np.exp(-((cosine * s) ** 2)) / s
         share = 1.0 + erf(cosine * s)
-        flux = (
-            cosine * math.sqrt(math.pi) * share + thermal
-        )  # of molecules, times 2 sqrt(pi) over the density and speed
+        # of molecules, times 2 sqrt(pi) over density and speed
+        flux = cosine * math.sqrt(math.pi) * share + thermal
         return flux / math.sqrt(math.pi), share / (2.0 * s * s) + 0.5 * self.rebound * flux
 
 

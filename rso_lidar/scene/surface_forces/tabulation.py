@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,20 @@ from rso_lidar.scene.surfaces.surface import Surface
 
 Poses = Sequence[tuple[np.ndarray, np.ndarray]]
 _GRAZING = 0.02  # cosine of the ray by which a facet that is turned from the flow is asked whether air reaches it
-_THERMAL = 3.0  # over the speed ratio: turned away by a larger cosine, a facet gets no air (erfc(3) = 2e-5)
+_THERMAL = (
+    2.0  # over the speed ratio: turned away by a larger cosine, a facet gets less than 1e-3 / s of the air's flux
+)
+
+
+class _Placed(NamedTuple):
+    """Points of all surfaces in body axes: position [m], normal and their product [m] (xyz, point), area [m2], part."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    arm: np.ndarray
+    area: np.ndarray
+    part: np.ndarray
+    poses: Poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +69,36 @@ class FacetLoads:
         -------
         (4, xyz) f8: force [m2] and torque [m3] of sunlight over its pressure, then of air over its dynamic pressure
         """
+        position, normal, arm, area, part, poses = self._place(direction)
+        cosine = direction @ normal
+        side = np.where(cosine < 0.0, -1.0, 1.0)
+        facing, cosine = normal * side, np.abs(cosine)
+        toward = np.broadcast_to(direction[:, None], normal.shape)
+        lit = area * find_free(position, facing, toward, self.surfaces, poses)
+        along, outward = find_light_coefficients(cosine, self.specular[part], self.diffuse[part])
+        light = lit * along, lit * outward * side
+        along, outward = self.gas.find_coefficients(cosine)
+        air = lit * along, lit * outward * side
+        # Molecules move about, and so reach the sides that are turned a little from the flow.
+        rear = np.flatnonzero(cosine < _THERMAL / self.gas.speed_ratio)
+        back, leaning = -facing[:, rear], cosine[rear]
+        lifted = toward[:, rear] + (leaning + _GRAZING) * back
+        lifted /= np.linalg.norm(lifted, axis=0)
+        reached = area[rear] * find_free(position[:, rear], back, lifted, self.surfaces, poses)
+        along, outward = self.gas.find_coefficients(-leaning)
+        air[0][rear] += reached * along
+        air[1][rear] -= reached * outward * side[rear]
+        rows = []
+        for toward_source, along_normal in (light, air):
+            rows.append(-(toward_source.sum() * direction + normal @ along_normal))
+            rows.append(-(np.cross(position @ toward_source, direction) + arm @ along_normal))
+        return np.array(rows)
+
+    def _place(self, direction: np.ndarray) -> _Placed:
+        """Return the points in body axes for a direction (xyz); those of a target without hinges are kept."""
+        kept: _Placed | None = getattr(self, "_kept", None)
+        if kept is not None:
+            return kept
         still = [(np.zeros(3), np.eye(3))] * len(self.surfaces)
         poses = still if self.place is None else self.place(direction)
         spread: tuple[FacetPoints, ...] = self._spread  # type: ignore[attr-defined]
@@ -62,38 +106,11 @@ class FacetLoads:
             [r @ p.position + o[:, None] for p, (o, r) in zip(spread, poses, strict=True)], axis=1
         )
         normal = np.concatenate([r @ p.normal for p, (_, r) in zip(spread, poses, strict=True)], axis=1)
-        area = np.concatenate([p.area for p in spread])
-        part = np.concatenate([p.part for p in spread])
-        cosine = direction @ normal
-        normal = normal * np.where(cosine < 0.0, -1.0, 1.0)
-        cosine = np.abs(cosine)
-        toward = np.broadcast_to(direction[:, None], normal.shape)
-        free = find_free(position, normal, toward, self.surfaces, poses)
-        lit = area * free
-        along, outward = find_light_coefficients(cosine, self.specular[part], self.diffuse[part])
-        light = -(lit * along * toward + lit * outward * normal)
-        along, outward = self.gas.find_coefficients(cosine)
-        air = -(lit * along * toward + lit * outward * normal)
-        # Molecules move about, and so reach the sides that are turned a little from the flow.
-        rear = np.flatnonzero(cosine < _THERMAL / self.gas.speed_ratio)
-        back, leaning = -normal[:, rear], cosine[rear]
-        lifted = toward[:, rear] + (leaning + _GRAZING) * back
-        lifted /= np.linalg.norm(lifted, axis=0)
-        reached = area[rear] * find_free(position[:, rear], back, lifted, self.surfaces, poses)
-        along, outward = self.gas.find_coefficients(-leaning)
-        air[:, rear] -= reached * along * toward[:, rear] + reached * outward * back
-        return np.array([_total(light), _moment(position, light), _total(air), _moment(position, air)])
-
-
-def _total(force: np.ndarray) -> np.ndarray:
-    total: np.ndarray = force.sum(axis=1)
-    return total
-
-
-def _moment(position: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return the torque (xyz) of forces (xyz, point) at positions (xyz, point) about the origin."""
-    moment: np.ndarray = np.cross(position, force, axis=0).sum(axis=1)
-    return moment
+        area, part = np.concatenate([p.area for p in spread]), np.concatenate([p.part for p in spread])
+        placed = _Placed(position, normal, np.cross(position, normal, axis=0), area, part, poses)
+        if self.place is None:
+            object.__setattr__(self, "_kept", placed)
+        return placed
 
 
 def tabulate_loads(loads: FacetLoads, step_deg: float = 7.5, threads: int | None = None) -> FacetTable:
