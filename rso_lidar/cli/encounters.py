@@ -213,7 +213,10 @@ def encounters(
                 raise ScenarioError(f"{option} {place}: is written as {suffix[1:].upper()}; end its name with {suffix}")
             check_writable(place, FIGURE_SUFFIXES if option == "--plot" else (), overwrite=overwrite)
     radius_m = None if radius is None else parse_length_m("--radius", radius)
-    bodies = dict(_split_name("--hard-body", text) for text in hard_body or ())
+    named = [_split_name("--hard-body", text) for text in hard_body or ()]
+    bodies = dict(named)
+    if len(bodies) < len(named):
+        raise ScenarioError("--hard-body: names an object twice; give one value for each")
     with name_options(*_ARGUMENTS):
         table = find(
             catalog[0] if len(catalog) == 1 else catalog,

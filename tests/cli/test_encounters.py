@@ -4,12 +4,15 @@ import csv
 import datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rso_lidar as rl
 from rso_lidar.cli import encounters as command
 from rso_lidar.cli import table
 from rso_lidar.errors import RsoLidarError
+from rso_lidar.orbit import Catalog, Epochs, Fleet, State, orbit_state_matrix, write_oem, write_opm
+from rso_lidar.records import BodyState
 from rso_lidar.shipped import shipped
 from tests.orbit.sets.sets_for_tests import with_checksum
 
@@ -255,3 +258,109 @@ def test_the_follower_of_a_scenario_and_what_its_lidar_gets(call, tmp_path):
 def test_neither_follower_nor_pairs(call):
     with pytest.raises(RsoLidarError, match="needs the object with the lidar; give --follower or --all-pairs"):
         call(FLYBY, *PAIRS)
+
+
+CLOSEST = datetime.datetime(2024, 9, 17, 12, 0, 3, 919_000, tzinfo=datetime.UTC)  # as the table of the search prints it
+SHORT = ["--follower", "99003", "--within", "20km", "--start", "2024-09-17T11:50:00Z", "--days", "0.02"]
+SIGMA = np.array(
+    [100.0, 300.0, 120.0, 0.3, 0.1, 0.1]
+)  # along rtn axes, velocities relative to inertial axes [m], [m/s]
+AGES = (
+    "age_days,radial_m,along_m,cross_m,radial_m_s,along_m_s,cross_m_s\n0,100,300,120,.3,.1,.1\n2,100,300,120,.3,.1,.1\n"
+)
+
+
+@pytest.fixture
+def messages(tmp_path):
+    """Write an OEM of the object and an OPM of the follower, with the covariances of `AGES`, and return options."""
+    first, second = Catalog.from_file(FLYBY).sets
+    time_s = np.arange(-30.0, 31.0, 5.0)
+    place, speed = Fleet([first, second], CLOSEST).at(np.zeros(len(time_s), int), time_s)
+    oem = write_oem(tmp_path / "a.oem", "STAGE", "2024-002B", Epochs(CLOSEST, time_s), BodyState(place, speed))
+    rows = "\n".join(" ".join(f"{(i == j) * SIGMA[i] ** 2 / 1e6:.9e}" for j in range(i + 1)) for i in range(6))
+    block = f"COVARIANCE_START\nEPOCH = 2024-09-17T12:00:03.919\nCOV_REF_FRAME = RTN\n{rows}\nCOVARIANCE_STOP\n"
+    oem.write_text(oem.read_text(encoding="utf-8") + block, encoding="utf-8")
+    place, speed = Fleet([first, second], CLOSEST).at(np.ones(1, int), np.zeros(1))
+    turn = orbit_state_matrix("rtn", place[0], speed[0])
+    state = State(epoch_utc=CLOSEST, position_m=tuple(place[0].tolist()), velocity_m_s=tuple(speed[0].tolist()))
+    covariance = turn @ np.diag(SIGMA**2) @ turn.T
+    opm = write_opm(tmp_path / "b.opm", "OURS", "2024-002C", state, covariance=covariance, covariance_axes="tnw")
+    (tmp_path / "ages.csv").write_text(AGES, encoding="utf-8")
+    return ["--covariance", f"99002={oem}", "--covariance", f"99003={opm}"]
+
+
+def read_rows(place):
+    with place.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_messages_give_the_probability_of_a_table_with_their_sigmas(call, tmp_path, messages):
+    """An OEM in RTN and an OPM in TNW, against the same sigmas along rtn axes; their states are those of the sets."""
+    ages, radii = ["--covariance", tmp_path / "ages.csv"], ["--hard-body", "99002=0.03m", "--hard-body", "99003=0.02m"]
+    call(FLYBY, *SHORT, *radii, *messages, "--csv", tmp_path / "a.csv")
+    call(FLYBY, *SHORT, "--radius", "0.05m", *ages, "--csv", tmp_path / "b.csv")
+    (given,), (expected,) = read_rows(tmp_path / "a.csv"), read_rows(tmp_path / "b.csv")
+    assert (given["covariance"], given["follower_covariance"]) == ("a.oem", "b.opm")
+    assert (given["hard_body_radius_m"], given["hard_body_source"]) == ("0.05", "0.02 m + 0.03 m")
+    for column in ("foster_probability", "mahalanobis", "sigma_along_m"):
+        # The closest approach is rounded to 1 ms, 7.5 m of 7000 km, by which the axes of each object turn. That changes the
+        # radial variance by 8 x 1e-6 (300 m against 100 m), and the probability by 12 times that, 3.5 sigma away.
+        assert float(given[column]) == pytest.approx(float(expected[column]), rel=2e-4), column
+    assert float(given["collision_probability"]) == pytest.approx(6.13e-7 * (0.05 / 6.0) ** 2, rel=2e-3)  # as the area
+    assert float(expected["sigma_along_m"]) == pytest.approx(300.0 * np.sqrt(2.0), rel=1e-3)
+
+
+def test_a_message_near_its_epoch_is_propagated_and_says_so(call, tmp_path):
+    """A CDM at noon, 4 s before the closest approach: 4 s of 0.15 m/s are little beside its sigma of 150 m."""
+    call(FLYBY, *SHORT, "--radius", "6m", "--covariance", shipped("tle/flyby.cdm"), "--csv", tmp_path / "a.csv")
+    (row,) = read_rows(tmp_path / "a.csv")
+    assert row["covariance"] == "flyby.cdm, propagated by 3.92 s"
+    assert 0.0 < float(row["collision_probability"]) < 1e-20  # 11 sigma away
+
+
+@pytest.mark.slow
+def test_the_history_of_sets_is_a_source(call, tmp_path):
+    """Ten sets a tenth of a day apart, with anomalies that advance without J2: they differ by kilometres along the track."""
+    first, second = Path(FLYBY).read_text(encoding="utf-8").strip().split("\n")[1:3]
+    lines = []
+    for k in range(10):
+        anomaly = (270.0 + (k - 9) * 0.1 * 360.0 * 15.06) % 360.0
+        epoch = f"{first[:20]}{260.6 + 0.1 * k:012.8f}{first[32:]}"
+        lines += [with_checksum(epoch), with_checksum(f"{second[:43]}{anomaly:8.4f}{second[51:]}")]
+    (tmp_path / "history.tle").write_text("\n".join(["STAGE\n" + "\n".join(lines[i : i + 2]) for i in range(0, 20, 2)]))
+    (tmp_path / "ages.csv").write_text(AGES, encoding="utf-8")
+    call(
+        *(FLYBY, *SHORT, "--radius", "0.01m", "--covariance", f"99002={tmp_path / 'history.tle'}"),
+        *("--covariance", tmp_path / "ages.csv", "--csv", tmp_path / "a.csv"),
+    )
+    (row,) = read_rows(tmp_path / "a.csv")
+    assert "pairs of its own sets" in row["covariance"]
+    errors = rl.study.estimate_set_errors(list(Catalog.from_file(tmp_path / "history.tle").sets))
+    assert errors.sigma[0, 1] > 3000.0
+    assert float(row["sigma_along_m"]) == pytest.approx(np.hypot(errors.sigma[0, 1], 300.0), rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--covariance", "12345=ages.csv"], "covariances: no object of the search has the name or number '12345'"),
+        (["--hard-body", "12345=2m"], "hard_bodies: no object of the search has the name or number '12345'"),
+        (["--hard-body", "99002=2m", "--hard-body", "99002=3m"], "--hard-body: names an object twice"),
+        (["--hard-body", "99002"], "--hard-body 99002: needs an object and a value"),
+        (["--hard-body", "99002=-2m"], "'-2m' is no length"),
+        (["--covariance", "99002="], "--covariance 99002=: needs an object and a value"),
+        (["--covariance", "99002=bare.oem"], "bare.oem: has no covariance of STAGE"),
+        (["--covariance", "99002=bad.oem"], "bad.oem: is not symmetric with variances of 0 or more"),
+        (["--covariance", "99002=flat.oem"], "flat.oem: is not .*; correct its terms"),
+        (["--covariance", f"99002={FLYBY}"], "has one element set; differences need two or more"),
+    ],
+)
+def test_what_is_no_source_is_one_line(call, tmp_path, messages, monkeypatch, options, message):
+    monkeypatch.chdir(tmp_path)
+    text = (tmp_path / "a.oem").read_text(encoding="utf-8")
+    (tmp_path / "bare.oem").write_text(text.split("COVARIANCE_START")[0], encoding="utf-8")
+    (tmp_path / "bad.oem").write_text(text.replace("1.000000000e-02", "-1.0"), encoding="utf-8")
+    (tmp_path / "flat.oem").write_text(text.replace("\n0.000000000e+00 9", "\n1.0 9", 1), encoding="utf-8")
+    with pytest.raises(RsoLidarError, match=message) as caught:
+        call(FLYBY, *SHORT, "--radius", "6m", *options)
+    assert "\n" not in str(caught.value)

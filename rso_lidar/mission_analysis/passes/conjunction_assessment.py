@@ -12,6 +12,7 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit import (
+    PRECISE_M,
     CollisionEstimate,
     ConjunctionMessage,
     ConjunctionObject,
@@ -22,15 +23,12 @@ from rso_lidar.orbit import (
     check_radius,
     estimate_collision,
     format_utc,
-    orbit_state_matrix,
     sample_collisions,
 )
 from rso_lidar.rpo import rtn_matrix
 
 _DIFFERENT = 0.01  # share by which a figure of the message may differ from its states, beside rounding
 _ROUNDED_M, _ROUNDED_M_S = 1.0, 1.0  # messages state whole metres and metres per second
-# Standard deviation of position below which a covariance looks like one in km2: precise orbits have 0.01 to 0.02 m.
-_SURE_M = 0.1
 _LATE_S = 1e-2  # time between the message's instant and the closest approach of its states that is worth a note
 _CURVED_S = 60.0  # length of an encounter beyond which straight lines are worth a note
 
@@ -158,7 +156,7 @@ def assess_conjunction(
         )
     for body, state in ((message.first, first), (message.second, second)):
         sigma_m = math.sqrt(float(np.diag(state.covariance)[:3].max()))
-        if 0.0 < sigma_m < _SURE_M:
+        if 0.0 < sigma_m < PRECISE_M:
             notes.append(
                 f"{body.label}: its position is said to be known to {sigma_m:.3g} m, better than precise orbits; as km² the "
                 f"covariance would be that of {1000.0 * sigma_m:.3g} m, and the message has m²"
@@ -215,8 +213,7 @@ def _state(value: float | None, form: str, unit: str) -> str:
 
 def _make_state(message: ConjunctionMessage, body: ConjunctionObject, notes: list[str]) -> UncertainState:
     """Turn the state of an object to inertial axes, with its covariance."""
-    turn = orbit_state_matrix("rtn", body.position_m, body.velocity_m_s)
-    covariance = turn @ body.covariance_rtn @ turn.T
+    covariance = body.covariance
     if not body.has_velocity_covariance:
         notes.append(f"{body.label}: the message gives no covariance of velocity, which counts as known")
         covariance = covariance[:3, :3]

@@ -13,22 +13,26 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import CatalogError, ScenarioError, quote_value
+from rso_lidar.mission_analysis.passes.search_objects import check_names, list_names
 from rso_lidar.mission_analysis.passes.set_errors import SetErrors, estimate_set_errors
 from rso_lidar.orbit import (
     Catalog,
     ConjunctionMessage,
+    CovarianceHistory,
     ElementSet,
     Epochs,
     NamedTrajectory,
     is_message_of,
     list_ephemeris_objects,
+    orbit_state_matrix,
     read_covariances,
     read_table_text,
 )
 from rso_lidar.part import to_real_array
 from rso_lidar.records import BodyState
-from rso_lidar.rpo import rtn_matrix
 
+# Two-body motion propagates sigmas to 1 % over 15 minutes in low orbit, against an integration about the oblate Earth.
+_NEAR_S = 900.0
 _COLUMNS = ("age_days", "radial_m", "along_m", "cross_m")
 _SPEED_COLUMNS = ("radial_m_s", "along_m_s", "cross_m_s")
 
@@ -148,11 +152,12 @@ class CovarianceSources:
     Raises
     ------
     ScenarioError
-        For what is no source, and files that cannot be read.
+        For what is no source, files that cannot be read, and names that no object of the search has.
     """
 
     def __init__(self, given: Any, entries: Sequence[Any]) -> None:
         self._named: dict[str, Any] = {}
+        self._stated: list[str] = []
         self._histories: dict[Any, list[ElementSet]] = {}
         self._errors: dict[Any, SetErrors] = {}
         self._read: dict[tuple[str, str], Any] = {}
@@ -162,6 +167,7 @@ class CovarianceSources:
         for source in listed:
             name, source = source if isinstance(source, tuple) and len(source) == 2 else ("", source)
             self._add(str(name).strip(), source)
+        check_names("covariances", self._stated, entries)
 
     def find(self, entry: Any, age_days: float, epochs: Epochs, state: BodyState) -> tuple[np.ndarray, str]:
         """Find the covariance of an object at an instant.
@@ -191,22 +197,26 @@ class CovarianceSources:
             age = abs(age_days)
             if not np.isfinite(age):
                 raise ScenarioError("a table by age needs an element set; give a covariance at epochs, as in an OEM")
-            turn = np.kron(np.eye(2), rtn_matrix(state.position_m, state.velocity_m_s)[0])
+            turn = orbit_state_matrix("rtn", state.position_m, state.velocity_m_s)
             if isinstance(source, SetErrors):
                 words = f"differences of {int(source.pairs.sum()):,} pairs of its own sets, age {age:.2f} d"
             else:
                 words = f"{Path(getattr(source, 'source', 'table')).name}, age {age:.2f} d"
             return turn @ source.covariance_at(age) @ turn.T, words
+        words = Path(str(getattr(source, "source", "") or type(source).__name__)).name
+        away_s = _find_distance_s(source, epochs) if isinstance(source, CovarianceHistory) else 0.0
+        if 0.0 < away_s <= _NEAR_S:
+            return source.at(epochs, beyond="two_body")[0], f"{words}, propagated by {away_s:.3g} s"
         covariance = to_real_array(source.at(epochs))
         if covariance is None or covariance.shape != (1, 6, 6):
             raise ScenarioError("its source does not answer at(epochs) with covariances (time, 6, 6); correct it")
-        return covariance[0], Path(str(getattr(source, "source", "") or type(source).__name__)).name
+        return covariance[0], words
 
     def _choose(self, first: Any) -> Any:
         """Choose the source of an object by its name or number, its own file, its sets, or the table for all sets."""
-        for key in (str(first.norad_id or ""), first.name, getattr(first, "name_in_source", "")):
-            if key and key.casefold() in self._named:
-                return self._named[key.casefold()]
+        for key in list_names(first):
+            if key in self._named:
+                return self._named[key]
         if isinstance(first, NamedTrajectory):
             if not first.source or first.source.lower().endswith(".toml"):
                 raise ScenarioError("no covariance is known; give one with epochs, such as an OEM, for this name")
@@ -233,6 +243,7 @@ class CovarianceSources:
 
     def _add(self, name: str, source: Any) -> None:
         """Add a source that was given, under a name or under the names that its file holds."""
+        self._stated += [name] if name else []
         if hasattr(source, "covariance_at") or hasattr(source, "at"):
             if not name and isinstance(source, SetErrorTable):
                 self._by_age = source
@@ -263,9 +274,9 @@ class CovarianceSources:
                 raise ScenarioError(f"covariances: {path}: has no object '{name}'; give it as the message names it")
         elif is_message_of("OEM", text):
             known = list_ephemeris_objects(path)
-            for other in known if len(known) > 1 and not name else known[:1] or [""]:
-                history = read_covariances(path, other or None)
-                self._named[(name or other or history.label).casefold()] = history
+            for other in known if len(known) > 1 and not name else [name if len(known) > 1 else None]:
+                history = read_covariances(path, other)
+                self._named[(name or history.label).casefold()] = history
         elif is_message_of("OPM", text):
             history = read_covariances(path)
             self._named[(name or history.label).casefold()] = history
@@ -284,12 +295,20 @@ class CovarianceSources:
         """Add element sets to the histories of their objects; with a name, to a source of that name."""
         sets = [entry for entry in entries if isinstance(entry, ElementSet)]
         if name:
-            self._named[name.casefold()] = estimate_set_errors(sets)
+            own = [entry for entry in sets if name.casefold() in list_names(entry)]
+            self._named[name.casefold()] = estimate_set_errors(own or sets)
             return
         for entry in sets:
             known = self._histories.setdefault(entry.identity, [])
             if not any(entry.epoch_utc == other.epoch_utc for other in known):
                 known.append(entry)
+
+
+def _find_distance_s(history: CovarianceHistory, epochs: Epochs) -> float:
+    """Return the time [s] from an instant to the nearer end of a history; 0 within it, and at its ends to a millisecond."""
+    at_s, known_s = float(epochs.since(history.epochs.start_utc)[0]), history.epochs.time_s
+    away_s = max(float(known_s[0]) - at_s, at_s - float(known_s[-1]), 0.0)
+    return away_s if away_s > 1e-3 else 0.0
 
 
 def _list_sources(given: Any) -> list[Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError, quote_value
 from rso_lidar.mission_analysis.passes.covariance_sources import CovarianceSources
-from rso_lidar.mission_analysis.passes.search_objects import BodyTrajectory
+from rso_lidar.mission_analysis.passes.search_objects import BodyTrajectory, check_names, list_names
 from rso_lidar.motion import Fixed
 from rso_lidar.orbit import (
     CollisionEstimate,
@@ -83,6 +83,7 @@ class HardBodies:
 
     Parameters
     ----------
+    entries : objects of the search
     radius_m : combined radius of all pairs, the sum of both objects' [m]; None: the sum of what is known of each
     bodies : radii of single objects by name or catalogue number: metres, text such as "2m", or a model of the catalogue,
         whose radius is that of a sphere about its centre of mass that holds its mesh. A target of a scenario needs none
@@ -90,15 +91,18 @@ class HardBodies:
     Raises
     ------
     ScenarioError
-        For values that are no radius.
+        For values that are no radius, and names that no object of the search has.
     MeshError
         For models that are not in the catalogue.
     """
 
-    def __init__(self, radius_m: float | None = None, bodies: Mapping[Any, Any] | None = None) -> None:
+    def __init__(
+        self, entries: Sequence[Any], radius_m: float | None = None, bodies: Mapping[Any, Any] | None = None
+    ) -> None:
         self.radius_m = None if radius_m is None else check_radius(radius_m)
         named = {} if bodies is None else dict(bodies)
         self._named = {str(name).strip().casefold(): _measure_body(str(name), body) for name, body in named.items()}
+        check_names("hard_bodies", self._named, entries)
         self._meshes: dict[tuple[int, str], float] = {}
 
     @property
@@ -131,9 +135,9 @@ class HardBodies:
 
     def _find(self, entry: Any) -> tuple[float, str]:
         single = entry[0] if isinstance(entry, list | tuple) else entry
-        for key in (str(single.norad_id or ""), single.name, getattr(single, "name_in_source", "")):
-            if key and key.casefold() in self._named:
-                return self._named[key.casefold()]
+        for key in list_names(single):
+            if key in self._named:
+                return self._named[key]
         body = getattr(single, "trajectory", None) if isinstance(single, NamedTrajectory) else None
         if isinstance(body, BodyTrajectory):
             for number, target in enumerate(body.scenario.target):

@@ -147,8 +147,8 @@ def encounters(
     if isinstance(follower, Path):
         follower = load_follower(str(follower), trust_code=trust_code, trust_fmu=trust_fmu)
     found_objects = collect_objects(catalog, trust_code=trust_code, trust_fmu=trust_fmu)
-    bodies = HardBodies(radius_m, hard_bodies)
-    sources = CovarianceSources(covariances, [*found_objects.entries, *_list_sets(follower)])
+    entries = [*found_objects.entries, *_list_sets(follower)]
+    bodies, sources = HardBodies(entries, radius_m, hard_bodies), CovarianceSources(covariances, entries)
     lead: Any = None
     leads: list[Any]
     screening: ScreeningResult | PairScreening

@@ -180,6 +180,26 @@ def _add_entries(objects: SearchObjects, source: Iterable[Any]) -> None:
             )
 
 
+def list_names(entry: Any) -> list[str]:
+    """List by what an object of a search can be named, in lower case: number, name, name in its own file, and label."""
+    words = (str(getattr(entry, key, "") or "") for key in ("norad_id", "name", "name_in_source", "label"))
+    return [word.casefold() for word in words if word]
+
+
+def check_names(place: str, names: Iterable[str], entries: Iterable[Any]) -> None:
+    """Check that objects of a search have names that an argument states, or raise `ScenarioError`.
+
+    Parameters
+    ----------
+    place : name of the argument
+    """
+    known = {name: entry for entry in entries for name in list_names(entry)}
+    for name in names:
+        if name.casefold() not in known:
+            near = did_you_mean(name.casefold(), known)
+            raise ScenarioError(f"{place}: no object of the search has the name or number '{name}'{near}; correct it")
+
+
 def _name(name: str, entry: Any) -> Any:
     if isinstance(entry, ElementSet | NamedTrajectory):
         return entry

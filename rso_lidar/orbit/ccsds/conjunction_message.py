@@ -23,6 +23,7 @@ from rso_lidar.orbit.ccsds.reader import find_table, read_table_text
 from rso_lidar.orbit.ccsds.reference_frames import parse_frame, warn_without_orientation
 from rso_lidar.orbit.earth.axes import convert_states
 from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, parse_epoch_ps
+from rso_lidar.orbit.two_body.orbit_axes import orbit_state_matrix
 from rso_lidar.records import BodyState
 
 _AXES = ("R", "T", "N", "RDOT", "TDOT", "NDOT")
@@ -65,6 +66,13 @@ class ConjunctionObject:
     def state(self) -> BodyState:
         """State at the closest approach in GCRS axes."""
         return BodyState(self.position_m, self.velocity_m_s)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance (6, 6) in GCRS axes; velocities of the message are relative to inertial axes [m2, m2/s, m2/s2]."""
+        turn = orbit_state_matrix("rtn", self.position_m, self.velocity_m_s)
+        turned: np.ndarray = turn @ self.covariance_rtn @ turn.T
+        return turned
 
 
 @dataclass(frozen=True, eq=False)

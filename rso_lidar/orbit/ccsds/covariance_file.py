@@ -16,7 +16,7 @@ from rso_lidar.orbit.ccsds.message import CcsdsMessage, CcsdsSegment, parse_numb
 from rso_lidar.orbit.ccsds.reader import find_table, is_message_of, read_message, read_table_text
 from rso_lidar.orbit.ccsds.reference_frames import StateFrame, parse_orbit_frame, warn_without_orientation
 from rso_lidar.orbit.ccsds.state_message import STATE_KEYS, OrbitParameterMessage, read_triangle
-from rso_lidar.orbit.earth.axes import EARTH_AXES, gcrs_state_matrix
+from rso_lidar.orbit.earth.axes import EARTH_AXES
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.covariance_history import CovarianceHistory, describe_unlikely_units
@@ -111,10 +111,8 @@ def _read_conjunction(message: ConjunctionMessage, name: str | None) -> Covarian
         position_m=tuple(body.position_m.tolist()),
         velocity_m_s=tuple(body.velocity_m_s.tolist()),
     )
-    turn = gcrs_state_matrix("rtn", epochs, reference.states(epochs))[0]
-    matrix = turn @ body.covariance_rtn @ turn.T
     return CovarianceHistory(
-        body.label, message.where, reference, epochs, matrix[None], has_velocity=body.has_velocity_covariance
+        body.label, message.where, reference, epochs, body.covariance[None], has_velocity=body.has_velocity_covariance
     )
 
 

@@ -1,8 +1,9 @@
 """Covariances of an object's state over time, and between their epochs.
 
 Between two epochs the covariances of both are propagated to the instant by two-body motion and blended (Tanygin, "Efficient
-Covariance Interpolation using Blending of Approximate State Error Transitions", AAS 14-360, 2014). Both are positive
-semidefinite, and so is a sum of the two with weights that are not negative; a polynomial through the terms need not be.
+covariance interpolation using blending of approximate covariance propagations", J. Astronautical Sciences 61 (2014) 107).
+Both are positive semidefinite, and so is a sum of the two with weights that are not negative; a polynomial through the terms
+need not be.
 Errors are carried in the rotating rtn axes of the reference orbit, so that what perturbs the orbit does not turn them away
 from it.
 """

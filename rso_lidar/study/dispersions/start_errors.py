@@ -103,6 +103,8 @@ def _find_covariance(errors: CovarianceErrors, scenario: Scenario, at: Epochs, s
         errors.object,
         earth_orientation_file=None if orientation is None else str(scenario.file(orientation)),
     )
+    if not history.has_velocity:
+        warn_of_input(f"{errors.file}: {history.label}: states no covariance of velocity, which counts as known")
     # in rtn axes of its own orbit, so that a small distance between the two along the track does not turn it
     covariance = history.at(at, axes="rtn", rotating=True, beyond="two_body" if errors.propagate else "error")[0]
     away = history.reference.states(at).position_m[0]

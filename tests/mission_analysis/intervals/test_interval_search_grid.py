@@ -65,6 +65,26 @@ def test_no_event_of_a_day_is_missed(name):
     assert found >= shown > 50
 
 
+def test_greatest_range_and_share_of_light_of_an_event_are_those_of_the_grid():
+    target, own = PAIRS["low and geostationary"]
+    table = rl.study.events(
+        [NamedTrajectory("target", target)], NamedTrajectory("own", own), "range < 45000km", start_utc=START, days=0.07
+    )
+    oracle = make_oracle(own, target, START, STATION, choose_limits(own, target, START, 0.07))
+    shares = []
+    for row in table.rows:
+        time_s = np.linspace(row.from_s, row.to_s, 4001)
+        epochs = rl.orbit.Epochs(START, time_s)
+        range_m = np.linalg.norm(own.states(epochs).position_m - target.states(epochs).position_m, axis=1)
+        assert row.farthest_m == pytest.approx(range_m.max(), rel=1e-6)
+        assert row.nearest_m == pytest.approx(range_m.min(), rel=1e-3)  # of steps of some seconds
+        # a penumbra of 10 s on each side, in which half of the disc and its centre differ by the Earth's shape
+        lit = oracle(time_s)["lit"].mean()
+        assert row.lit_fraction == pytest.approx(lit, abs=20.0 / row.duration_s)
+        shares.append(lit)
+    assert any(0.05 < share < 0.95 for share in shares)
+
+
 def test_a_flyby_of_a_second_is_found():
     """Two craft pass at 8 km/s within 100 m: nothing but the rates of the conditions leads to so short an event."""
     here = LOW.states(rl.orbit.Epochs(START, np.array([30_011.3])))

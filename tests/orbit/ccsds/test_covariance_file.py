@@ -50,6 +50,36 @@ def test_states_drawn_in_a_frame_of_the_earth_have_the_covariance_that_is_read(o
     assert np.abs((found - root @ root.T) / scale).max() < 1e-6
 
 
+@pytest.mark.filterwarnings("ignore:.*is in ITRF")
+@pytest.mark.parametrize(("frame", "name"), [("TOD", "true_equator_and_equinox_of_date"), ("ITRF2014", "itrs")])
+def test_a_covariance_of_states_that_skyfield_turns_to_a_frame_comes_back(oem, frame, name):
+    """The columns of a root are added to a state, and skyfield turns each sum, with the Earth's rotation in its velocity."""
+    from skyfield import framelib
+    from skyfield.positionlib import Geocentric
+    from skyfield.units import Distance, Velocity
+
+    here = LOW.states(AT)
+    time = AT.skyfield_time()[0]
+
+    def turn(change):
+        there = Geocentric(
+            Distance(m=here.position_m[0] + change[:3]).au,
+            Velocity(km_per_s=(here.velocity_m_s[0] + change[3:]) / 1e3).au_per_d,
+            time,
+            center=399,
+        )
+        place, speed = there.frame_xyz_and_velocity(getattr(framelib, name))
+        return np.concatenate([place.m, speed.km_per_s * 1e3])
+
+    root = np.array([turn(column) - turn(0.0 * column) for column in ROOT.T]).T
+    turned = root @ root.T
+    rows = "\n".join(" ".join(f"{turned[i, j] / 1e6:.15e}" for j in range(i + 1)) for i in range(6))
+    found = read_covariances(oem(frame, rows)).matrices[0]
+    scale = np.sqrt(np.outer(np.diag(GIVEN), np.diag(GIVEN)))
+    # differences of states have 1e-9 m of 7e6 m; without the Earth's rotation velocities are off by 0.7 of their sigmas
+    assert np.abs((found - GIVEN) / scale).max() < 1e-5
+
+
 @pytest.mark.parametrize(
     ("frame", "axes", "rotating"),
     [
