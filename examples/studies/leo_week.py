@@ -28,7 +28,7 @@ def main(picture: Path) -> None:
     toward_sun = inertial_from_rtn.inv().apply(sun_m - chief.position_m)
     toward_sun /= np.linalg.norm(toward_sun, axis=1, keepdims=True)
     range_m = np.linalg.norm(position_m, axis=1)
-    phase_deg = np.degrees(np.arccos(np.einsum("ti,ti->t", position_m, toward_sun) / range_m))
+    phase_deg = np.arccos(np.einsum("ti,ti->t", position_m, toward_sun) / range_m) / rl.units.DEG
     sunlit = rl.orbit.sunlit_fraction(chief.position_m, sun_m) > 0.5
     figure = figures.new_figure(
         figures.PAGE_IN, 3.6, "An inspector in low orbit", "The stage in sunlight and in shadow"
