@@ -1,4 +1,4 @@
-"""Studies of scenarios and recordings: link budgets, encounters, timelines, trades, tracking, maps and requirements."""
+"""Studies of scenarios and recordings: link budgets, encounters, timelines, trades, targeting, tracking, maps and requirements."""
 
 from typing import TYPE_CHECKING
 
@@ -68,6 +68,13 @@ if TYPE_CHECKING:
         DispersedMission,
         disperse,
     )
+    from rso_lidar.study.targeting.definition import (
+        Targeter,
+    )
+    from rso_lidar.study.targeting.solved_plan import (
+        SolvedPlan,
+        solve_targeter,
+    )
     from rso_lidar.study.trades.definition import (
         Study,
     )
@@ -119,7 +126,9 @@ __all__ = [
     "RequirementResult",
     "Requirements",
     "SetErrors",
+    "SolvedPlan",
     "Study",
+    "Targeter",
     "Timeline",
     "Tracking",
     "Trade",
@@ -154,6 +163,7 @@ __all__ = [
     "save_tracking_data",
     "save_truth",
     "scenario_text",
+    "solve_targeter",
     "timeline",
     "tracking",
     "trade",

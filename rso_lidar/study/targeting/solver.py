@@ -1,0 +1,255 @@
+"""Solution of targeting problems: differential corrector, sequential quadratic programming, differential evolution."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.study.targeting.problem import Flights, Row, TargetingProblem
+
+_STEP = 1e-5  # of the width between bounds: above the noise of the integrator (1e-13), and small beside curvature
+_PENALTY = 1e3  # of a point that cannot be flown, in scaled units of which the whole width moves a row by about one
+_WEIGHT = 10.0  # of violations beside the minimised quantity in the global search (exact penalty)
+_POPULATION = 10  # points for each variable (Storn and Price 1997 suggest 5 to 10)
+_LEAST_SLOPE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Where a search ended: the scaled point (variable,), its flown values, iterations and flights."""
+
+    point: np.ndarray
+    values: np.ndarray
+    start_values: np.ndarray
+    iterations: int
+    flights: int
+
+
+class _ScaledProblem:
+    """Rows of a problem in scaled units, of which a step across the bounds of all variables moves each by about one."""
+
+    def __init__(self, flights: Flights) -> None:
+        self.flights, self.problem = flights, flights.problem
+        low, width = self.problem.spans
+        self.start = (np.array(self.problem.start) - low) / width
+        values = flights.fly(self.start)
+        if values is None:
+            raise ScenarioError(f"{self.problem.targeter.where}: cannot be flown at the start: {flights.last_failure}")
+        self.start_values = values
+        slopes = self.differentiate(self.start)
+        self.units = np.linalg.norm(slopes, axis=1)
+        for row, unit, value in zip(self.problem.rows, self.units, values, strict=False):
+            if unit < _LEAST_SLOPE and row.is_goal and not row.is_met(float(value)):
+                raise ScenarioError(
+                    f"{self.problem.targeter.where}: {row.place}: no variable changes '{row.quantity}', which is "
+                    f"{value:.6g} {row.unit}; add a variable that does, or leave the goal out"
+                )
+        self.units[self.units < _LEAST_SLOPE] = 1.0
+
+    @property
+    def goals(self) -> list[int]:
+        """Numbers of the rows that are equalities."""
+        return [k for k, row in enumerate(self.problem.rows) if row.is_goal]
+
+    @property
+    def limits(self) -> list[int]:
+        """Numbers of the rows that are inequalities."""
+        return [k for k, row in enumerate(self.problem.rows) if not row.is_goal]
+
+    def differentiate(self, point: np.ndarray) -> np.ndarray:
+        """Return the derivatives (value, variable) at a scaled point by central differences within the bounds."""
+        low, high = np.tile(point, (2, len(point), 1))
+        np.fill_diagonal(low, np.clip(point - _STEP, 0.0, 1.0))
+        np.fill_diagonal(high, np.clip(point + _STEP, 0.0, 1.0))
+        outcomes = self.flights.fly_all(np.concatenate([low, high, point[None]]))
+        middle = outcomes.pop()
+        columns = []
+        for k in range(len(point)):
+            before, after = outcomes[k], outcomes[k + len(point)]
+            width = high[k, k] - low[k, k]
+            if middle is not None and (before is None or after is None):  # the edge of what can be flown
+                before, after, width = (
+                    (before, middle, point[k] - low[k, k]) if after is None else (middle, after, high[k, k] - point[k])
+                )
+            if before is None or after is None or width <= 0.0:
+                size = len(self.problem.rows) + (self.problem.targeter.minimize is not None)
+                columns.append(np.zeros(size))
+                continue
+            columns.append((after - before) / width)
+        return np.stack(columns, axis=1)
+
+    def residuals(self, point: np.ndarray) -> np.ndarray:
+        """Return the scaled errors (goal,) of the goals; large where the point cannot be flown."""
+        values = self.flights.fly(point)
+        if values is None:
+            return np.full(len(self.goals), _PENALTY)
+        errors = [(values[k] - self.problem.rows[k].low) / self.units[k] for k in self.goals]
+        return np.array(errors)
+
+    def residual_slopes(self, point: np.ndarray) -> np.ndarray:
+        """Return the derivatives (goal, variable) of `residuals`."""
+        slopes: np.ndarray = (self.differentiate(point) / self.units[:, None])[self.goals]
+        return slopes
+
+    def margins(self, point: np.ndarray) -> np.ndarray:
+        """Return the scaled margins (limit,), negative beyond a limit."""
+        values = self.flights.fly(point)
+        if values is None:
+            return np.full(len(self.limits), -_PENALTY)
+        margins = [-self.problem.rows[k].error(float(values[k])) / self.units[k] for k in self.limits]
+        return np.array(margins)
+
+    def margin_slopes(self, point: np.ndarray) -> np.ndarray:
+        """Return the derivatives (limit, variable) of `margins`."""
+        signs = np.array([1.0 if np.isfinite(self.problem.rows[k].low) else -1.0 for k in self.limits])
+        slopes: np.ndarray = signs[:, None] * (self.differentiate(point) / self.units[:, None])[self.limits]
+        return slopes
+
+    def cost(self, point: np.ndarray) -> float:
+        """Return the scaled minimised quantity, or half the squared distance from the start without one."""
+        if self.problem.targeter.minimize is None:
+            return 0.5 * float(np.sum((point - self.start) ** 2))
+        values = self.flights.fly(point)
+        return _PENALTY if values is None else float(values[-1] / self.units[-1])
+
+    def cost_slopes(self, point: np.ndarray) -> np.ndarray:
+        """Return the derivatives (variable,) of `cost`."""
+        if self.problem.targeter.minimize is None:
+            return point - self.start
+        slopes: np.ndarray = self.differentiate(point)[-1] / self.units[-1]
+        return slopes
+
+    def penalised_cost(self, point: np.ndarray) -> float:
+        """Return the cost with the violations of goals and limits."""
+        violation = float(np.sum(np.abs(self.residuals(point))) - np.sum(np.minimum(self.margins(point), 0.0)))
+        return self.cost(point) + _WEIGHT * violation
+
+
+def search(
+    problem: TargetingProblem, executor: Executor | None = None, on_flight: Callable[[int], None] | None = None
+) -> Search:
+    """Search for the point that meets all goals and limits; raise `ScenarioError` where none is reached."""
+    scaled = _ScaledProblem(Flights(problem, executor, on_flight))
+    method, point, iterations = problem.targeter.chosen_method, scaled.start, 0
+    if method == "global":
+        point, iterations = _evolve(scaled)
+    if scaled.goals:  # SLSQP is fragile far from its equalities, so that they are met first
+        point, more = _correct(scaled, point)
+        iterations += more
+    if method != "corrector":
+        point, more = _descend(scaled, point)
+        iterations += more
+    values = scaled.flights.fly(point)
+    assert values is not None
+    _check(scaled, point, values, iterations)
+    return Search(point, values, scaled.start_values, iterations, scaled.flights.count)
+
+
+def _correct(scaled: _ScaledProblem, start: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return the point at which the goals are nearest to met, and the number of iterations."""
+    from scipy.optimize import least_squares
+
+    solution = least_squares(
+        scaled.residuals,
+        np.clip(start, 1e-9, 1.0 - 1e-9),  # it starts strictly inside
+        scaled.residual_slopes,
+        bounds=(0.0, 1.0),
+        xtol=1e-13,
+        ftol=1e-13,
+        gtol=1e-13,
+        max_nfev=scaled.problem.targeter.max_iterations,
+    )
+    return _choose_flown(scaled, solution.x), int(solution.njev)
+
+
+def _descend(scaled: _ScaledProblem, start: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return the point of least cost near a start that keeps goals and limits, and the number of iterations."""
+    from scipy.optimize import minimize
+
+    constraints = []
+    if scaled.goals:
+        constraints.append({"type": "eq", "fun": scaled.residuals, "jac": scaled.residual_slopes})
+    if scaled.limits:
+        constraints.append({"type": "ineq", "fun": scaled.margins, "jac": scaled.margin_slopes})
+    solution = minimize(
+        scaled.cost,
+        start,
+        jac=scaled.cost_slopes,
+        method="SLSQP",
+        bounds=[(0.0, 1.0)] * len(start),
+        constraints=constraints,
+        options={"maxiter": scaled.problem.targeter.max_iterations, "ftol": 1e-10},
+    )
+    return _choose_flown(scaled, solution.x), int(solution.nit)
+
+
+def _evolve(scaled: _ScaledProblem) -> tuple[np.ndarray, int]:
+    """Return the best point of a differential evolution between the bounds, and the number of generations."""
+    from scipy.optimize import differential_evolution
+
+    def fly_generation(points: np.ndarray) -> np.ndarray:
+        scaled.flights.fly_all(np.atleast_2d(points.T))
+        return np.array([scaled.penalised_cost(point) for point in np.atleast_2d(points.T)])
+
+    solution = differential_evolution(
+        fly_generation,
+        [(0.0, 1.0)] * len(scaled.start),
+        x0=scaled.start,
+        maxiter=scaled.problem.targeter.max_iterations,
+        popsize=_POPULATION,
+        tol=1e-3,
+        rng=np.random.Generator(np.random.Philox(np.random.SeedSequence(scaled.problem.targeter.seed))),
+        polish=False,
+        updating="deferred",
+        vectorized=True,
+    )
+    return _choose_flown(scaled, solution.x), int(solution.nit)
+
+
+def _choose_flown(scaled: _ScaledProblem, point: np.ndarray) -> np.ndarray:
+    """Return a point within the bounds that can be flown: the start where the given one cannot."""
+    inside = np.clip(point, 0.0, 1.0)
+    usable = bool(np.isfinite(inside).all()) and scaled.flights.fly(inside) is not None
+    return inside if usable else scaled.start
+
+
+def _check(scaled: _ScaledProblem, point: np.ndarray, values: np.ndarray, iterations: int) -> None:
+    """Raise `ScenarioError` that names the row that is farthest from met."""
+    problem = scaled.problem
+    pairs = list(zip(problem.rows, values.tolist(), strict=False))
+    missed = [(row, value) for row, value in pairs if not row.is_met(value)]
+    if not missed:
+        return
+    row, value = max(missed, key=lambda pair: pair[0].error(pair[1]) / pair[0].tolerance)
+    stops = [
+        f"'{variable.field}' is at its {'lower' if at < 0.5 else 'upper'} bound"
+        for variable, at in zip(problem.targeter.variable, point.tolist(), strict=True)
+        if min(at, 1.0 - at) < 1e-6
+    ]
+    cure = f"widen it ({'; '.join(stops[:2])})" if stops else _advise(problem, iterations)
+    failed = f"; the last flight that failed: {scaled.flights.last_failure}" if scaled.flights.last_failure else ""
+    raise ScenarioError(
+        f"{problem.targeter.where}: {row.place}: '{row.quantity}' cannot be reached: {value:.6g} {row.unit} in place of "
+        f"{row.wanted} after {iterations} iterations, with {len(missed)} of {len(problem.rows)} goals and limits missed; "
+        f"{cure}{failed}"
+    )
+
+
+def _advise(problem: TargetingProblem, iterations: int) -> str:
+    """Return a cure for a search that ended within all bounds."""
+    if iterations >= problem.targeter.max_iterations:
+        return "raise max_iterations, or start nearer"
+    n_goals = sum(row.is_goal for row in problem.rows)
+    if n_goals > len(problem.targeter.variable):
+        return f"{n_goals} goals for {len(problem.targeter.variable)} variables: add variables, or relax a limit"
+    return 'start nearer (initial), relax it, or search everywhere (method = "global")'
+
+
+def list_active(problem: TargetingProblem, values: np.ndarray) -> list[Row]:
+    """List the limits that the values (row,) of a flight touch, within their tolerance."""
+    pairs = zip(problem.rows, values.tolist(), strict=False)
+    return [row for row, value in pairs if not row.is_goal and abs(row.error(value)) <= row.tolerance]
