@@ -73,6 +73,7 @@ if _TYPE_CHECKING:
     )
     from rso_lidar.optics import Laser, Receiver
     from rso_lidar.orbit import Kepler, Tle
+    from rso_lidar.picture import draw
     from rso_lidar.records import Command, Frame, Observation, Taxonomy
     from rso_lidar.rpo import Hill
     from rso_lidar.scenario import (
@@ -161,6 +162,7 @@ __all__ = [
     "budget",
     "dataset",
     "detector",
+    "draw",
     "export",
     "flash",
     "loop",

@@ -231,9 +231,10 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def skew(a: np.ndarray) -> np.ndarray:
-    """Return the skew-symmetric matrix (3, 3) of a vector (3): its product with b is the vector product a x b."""
-    x, y, z = a.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    """Return the skew-symmetric matrices (…, 3, 3) of vectors (…, 3): their product with b is the vector product a x b."""
+    matrix = np.zeros((*a.shape, 3))
+    matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = a[..., 0], a[..., 1], a[..., 2]
+    return matrix - np.swapaxes(matrix, -1, -2)
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -1,8 +1,8 @@
-"""Paths of the data shipped with the package: `tle/`, `models/` and `examples/`."""
+"""Paths of the data shipped with the package: `tle/`, `models/`, `gravity/` and `examples/`."""
 
 from pathlib import Path
 
-_FOLDERS = ("tle", "models", "examples")
+_FOLDERS = ("tle", "models", "gravity", "examples")
 
 
 def shipped(name: str = "") -> Path:

@@ -12,8 +12,8 @@ from rso_lidar.scenario import read_toml
 from rso_lidar.shipped import find, shipped
 
 
-@pytest.mark.parametrize("folder", ["tle", "models"])
-def test_both_folders_have_an_index(folder):
+@pytest.mark.parametrize("folder", ["tle", "models", "gravity"])
+def test_folders_of_data_have_an_index(folder):
     assert shipped(f"{folder}/index.toml").is_file()
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import typer
 
-from rso_lidar.cli.app import app
+from rso_lidar.cli.app import SECTIONS, app
 
 
 def option_rows(command: Any, context: Any) -> list[str]:
@@ -47,8 +47,10 @@ def commands_page() -> str:
         "What `rso-lidar COMMAND --help` says, on one page. [Rules](../command_line.md) hold for all commands.",
         "",
     ]
-    for name in root.list_commands(context):
-        lines += command_section(name, root.get_command(context, name), 2)
+    for title, names in SECTIONS.items():
+        lines += [f"## {title}", ""]
+        for name in names:
+            lines += command_section(name, root.get_command(context, name), 3)
     return "\n".join(lines)
 
 

@@ -1,4 +1,4 @@
-"""The application: all commands in the order in which a user needs them, each loaded when it is called."""
+"""The application: all commands, in sections by what they are for, each loaded when it is called."""
 
 from __future__ import annotations
 
@@ -13,38 +13,49 @@ from typer.core import TyperGroup
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
 usage_error: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 
-# The first sentence of each command's help. A command is the function of its name in the module of its name; a group is the
-# `app` there. The list of commands is printed without loading any of them.
-COMMANDS = {
-    "new": "Write a scenario file to start from.",
-    "check": "Check a scenario and print a summary.",
-    "budget": "Compute photons, detection and precision against range.",
-    "camera": "Simulate a camera's data sheet, or fit a camera to measurements.",
-    "truth": "Write or draw the true motion without rendering frames.",
-    "timeline": "Draw or tabulate one encounter, frame by frame.",
-    "disperse": "Fly a mission many times with errors.",
-    "trade": "Run a trade study of scenario fields against figures of merit.",
-    "parameters": "List all parameters of a scenario and figures derived from them.",
-    "requirements": "Verify requirements on a scenario, a study or a recording.",
-    "catalog": "List the objects of a catalogue, or write a selection of them.",
-    "encounters": "List the close approaches of one object to others, or of any two.",
-    "events": "List the intervals in which conditions on two objects hold.",
-    "conjunction": "Compute the probability of collision of a conjunction message.",
-    "run": "Simulate a scenario and record its frames with truth and labels.",
-    "serve": "Serve a simulation to flight software in another process.",
-    "fmu": "Write the instrument of a scenario as an FMU for co-simulation.",
-    "export": "Write a recording in another format.",
-    "info": "Print what a recording holds.",
-    "plot": "Draw frames of a recording, their trajectory or curves.",
-    "track": "Track the target of a recording and compare with the truth.",
-    "fit": "Fit own and relative orbit to a recording by least squares.",
-    "animate": "Animate a recording as GIF or MP4.",
-    "studio": "Build, see and fly scenarios in a browser.",
-    "view": "Show a recording in a viewer, frame by frame.",
-    "schema": "Print the JSON Schema of the scenario file.",
-    "dataset": "Make, check, publish, export and score datasets for learning.",
-    "models": "List the models that can be targets, show one, or add your own.",
+# The first sentence of each command's help, under what it is for. A command is the function of its name in the module of its
+# name; a group is the `app` there. The list of commands is printed without loading any of them.
+SECTIONS = {
+    "Start": {
+        "new": "Write a scenario file to start from.",
+        "check": "Check a scenario and print a summary.",
+        "run": "Simulate a scenario; record its frames with truth and labels.",
+        "plot": "Draw frames of a recording, their trajectory or curves.",
+    },
+    "Plan a mission": {
+        "budget": "Compute photons, detection and precision against range.",
+        "camera": "Print a camera's data sheet, or fit a camera to measurements.",
+        "parameters": "List all parameters of a scenario, and figures derived.",
+        "truth": "Write or draw the true motion without rendering frames.",
+        "timeline": "Draw or tabulate one encounter, frame by frame.",
+        "catalog": "List the objects of a catalogue, or write a selection of them.",
+        "encounters": "List close approaches of one object to others, or of any two.",
+        "events": "List the intervals in which conditions on two objects hold.",
+        "conjunction": "Compute the probability of collision of a conjunction message.",
+        "disperse": "Fly a mission many times with errors.",
+        "trade": "Run a trade study of scenario fields against figures of merit.",
+        "requirements": "Verify requirements on a scenario, a study or a recording.",
+    },
+    "Look at a recording": {
+        "info": "Print what a recording holds.",
+        "view": "Show a recording in a viewer, frame by frame.",
+        "animate": "Animate a recording as GIF or MP4.",
+        "export": "Write a recording in another format.",
+        "track": "Track the target of a recording and compare with the truth.",
+        "fit": "Fit own and relative orbit to a recording by least squares.",
+    },
+    "Learn": {
+        "dataset": "Make, check, publish, export and score datasets for learning.",
+        "models": "List the models of targets, show one, or add your own.",
+    },
+    "Connect": {
+        "studio": "Build, see and fly scenarios in a browser.",
+        "serve": "Serve a simulation to flight software in another process.",
+        "fmu": "Write the instrument of a scenario as an FMU.",
+        "schema": "Print the JSON Schema of the scenario file.",
+    },
 }
+COMMANDS = {name: sentence for section in SECTIONS.values() for name, sentence in section.items()}
 GROUPS = ("camera", "dataset", "models")
 
 
@@ -66,9 +77,11 @@ class _Commands(TyperGroup):
         return self.commands[name]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Print the list of commands."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        """Print the list of commands, section by section, in columns that line up."""
+        width = max(map(len, COMMANDS))
+        for title, section in SECTIONS.items():
+            with formatter.section(title):
+                formatter.write_dl([(f"{name:{width}}", sentence) for name, sentence in section.items()])
 
 
 def load_command(name: str) -> Callable[..., None] | typer.Typer:

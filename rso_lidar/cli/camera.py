@@ -30,7 +30,7 @@ app = typer.Typer(
 
 @app.callback()
 def camera() -> None:
-    """Simulate a camera's data sheet, or fit a camera to measurements.
+    """Print a camera's data sheet, or fit a camera to measurements.
 
     `camera FILE` is `camera datasheet FILE`.
     """

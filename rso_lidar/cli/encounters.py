@@ -137,7 +137,7 @@ def encounters(
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """List the close approaches of one object to others, or of any two."""
+    """List close approaches of one object to others, or of any two."""
     if (follower is None) != all_pairs:
         wrong = (
             "needs the object with the lidar" if follower is None else "--follower and --all-pairs exclude each other"

@@ -20,7 +20,7 @@ def fmu(
     trust_fmu: TrustFmu = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Write the instrument of a scenario as an FMU for co-simulation.
+    """Write the instrument of a scenario as an FMU.
 
     It runs in the Python of the machine that loads it, which needs rso_lidar.
     """

@@ -19,7 +19,7 @@ app = typer.Typer(cls=default_to("show"), rich_markup_mode=None, pretty_exceptio
 
 @app.callback(invoke_without_command=True)
 def models(context: typer.Context) -> None:
-    """List the models that can be targets, show one, or add your own."""
+    """List the models of targets, show one, or add your own."""
     if context.invoked_subcommand is None:
         print_models()
 

@@ -31,7 +31,7 @@ def parameters(
     trust_fmu: TrustFmu = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """List all parameters of a scenario and figures derived from them. Each has its unit, meaning, default and source."""
+    """List all parameters of a scenario, and figures derived. Each has its unit, meaning, default and source."""
     if output is not None:
         output = check_writable(output, ParameterTable.SUFFIXES, overwrite=overwrite)
     if requirements is not None and (output is None or output.suffix.lower() != ".sysml"):

@@ -68,7 +68,7 @@ def run(
     live_with: LiveWith = None,
     live_origin: LiveOrigin = None,
 ) -> None:
-    """Simulate a scenario and record its frames with truth and labels."""
+    """Simulate a scenario; record its frames with truth and labels."""
     by = choose_scheduler(engine, scheduler)
     if threads is not None and (workers is not None or by is not None):
         other = "--workers" if by is None else "--engine dask"

@@ -10,7 +10,8 @@ Everything is in GCRS axes from the Earth's centre and in SI units, unless a nam
 - `Opm`: integration from a CCSDS OPM with the maneuvers of the message. `OrbitParameterMessage` has its covariance too,
   and `write_opm` writes one.
 - `J2`: mean elements with the secular and short-period effects of J2.
-- `Numerical`: numerical integration with `Forces` (`Drag`, `RadiationPressure`), `Impulse` and `Burn`.
+- `Numerical`: numerical integration with `Forces` (`Gravity`, `Drag` in an
+  `ExponentialAtmosphere` or `NrlmsisAtmosphere`, `RadiationPressure`), `Impulse` and `Burn`.
 - `Ephemeris`: interpolation of a table of states (CCSDS OEM or CSV).
 - `SpiceMotion`: kernels of NAIF's SPICE toolkit, with the extra `spice`; `write_spk` and `write_ck` write kernels.
 - `LunarKepler` and `LunarState`: two-body motion about the Moon, whose position a user's kernel gives.
@@ -24,6 +25,9 @@ which only SGP4 may propagate. `OsculatingElements` are those of one state; `mea
 reads Sun, Moon and planets from a user's kernel.
 
 **Measurements.** `TrackingDataMessage` reads ranges and angles of a TDM, and `write_tdm` writes them.
+
+**Covariances.** `read_covariances` reads those of an OEM, OPM or CDM as a `CovarianceHistory`, which gives them between its
+epochs. `gcrs_state_matrix` takes states and covariances from any named axes to GCRS.
 
 **Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability`, `integrate_collisions` and `sample_collisions` give
 the probability of collision of two states with covariance (`UncertainState`).
@@ -41,6 +45,7 @@ from rso_lidar.public_names import export_lazily, limit_dir
 if TYPE_CHECKING:
     from rso_lidar.orbit.ccsds.attitude_file import read_attitudes, write_aem, write_attitude_csv
     from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage, ConjunctionObject
+    from rso_lidar.orbit.ccsds.covariance_file import read_covariances
     from rso_lidar.orbit.ccsds.csv_table import read_csv_table
     from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
     from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
@@ -55,7 +60,7 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
     from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
     from rso_lidar.orbit.earth.access import Access, find_access
-    from rso_lidar.orbit.earth.axes import convert_states, gcrs_from_axes
+    from rso_lidar.orbit.earth.axes import convert_states, gcrs_from_axes, gcrs_state_matrix
     from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
     from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
     from rso_lidar.orbit.earth.ellipsoid import Geodetic, geodetic_from_itrs, itrs_from_geodetic
@@ -78,7 +83,9 @@ if TYPE_CHECKING:
         sun_height_rad,
     )
     from rso_lidar.orbit.epochs import Epochs, format_utc
+    from rso_lidar.orbit.propagation.atmosphere import ExponentialAtmosphere, NrlmsisAtmosphere
     from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
+    from rso_lidar.orbit.propagation.gravity import Gravity
     from rso_lidar.orbit.propagation.integrator import OdeSolution
     from rso_lidar.orbit.propagation.j2 import (
         J2,
@@ -137,10 +144,24 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.spice.kernel_writers import write_ck, write_spk
     from rso_lidar.orbit.trajectory import Trajectory, differentiate, find_breaks_s, state_rates, two_body_rates
     from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, solve_kepler, true_from_mean
+    from rso_lidar.orbit.two_body.covariance_history import (
+        LOST_M,
+        LOST_M_S,
+        PRECISE_M,
+        PRECISE_M_S,
+        CovarianceHistory,
+    )
     from rso_lidar.orbit.two_body.izzo import Branch
     from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate_two_body
     from rso_lidar.orbit.two_body.lambert import Transfer, Way, solve_lambert, solve_lambert_all
-    from rso_lidar.orbit.two_body.orbit_axes import rtn_axes, rtn_from_lvlh_ccsds, rtn_matrix
+    from rso_lidar.orbit.two_body.orbit_axes import (
+        invert_state_matrix,
+        orbit_state_matrix,
+        rtn_axes,
+        rtn_from_lvlh_ccsds,
+        rtn_matrix,
+        state_matrix,
+    )
     from rso_lidar.orbit.two_body.osculating_elements import (
         OsculatingElements,
         elements_from_state,
@@ -154,8 +175,12 @@ __all__ = [
     "J2",
     "LIMB_ANGLE_RAD",
     "LINE_ALTITUDE_M",
+    "LOST_M",
+    "LOST_M_S",
     "MOON_ANGLE_RAD",
     "PHASE_RAD",
+    "PRECISE_M",
+    "PRECISE_M_S",
     "RANGE_M",
     "SLEW_RAD_S",
     "SPEED_M_S",
@@ -170,16 +195,19 @@ __all__ = [
     "CloseApproach",
     "ConjunctionMessage",
     "ConjunctionObject",
+    "CovarianceHistory",
     "Drag",
     "EarthOrientation",
     "Eclipse",
     "ElementSet",
     "Ephemeris",
     "Epochs",
+    "ExponentialAtmosphere",
     "Fleet",
     "ForceModel",
     "Forces",
     "Geodetic",
+    "Gravity",
     "GroundStation",
     "Impulse",
     "Initial",
@@ -194,6 +222,7 @@ __all__ = [
     "Maneuver",
     "MotionBounds",
     "NamedTrajectory",
+    "NrlmsisAtmosphere",
     "Numerical",
     "OdeSolution",
     "Omm",
@@ -246,9 +275,11 @@ __all__ = [
     "foster_probability",
     "gcrs_from_axes",
     "gcrs_from_teme",
+    "gcrs_state_matrix",
     "geodetic_from_itrs",
     "integrate_collisions",
     "integrate_orbit",
+    "invert_state_matrix",
     "is_message_of",
     "itrs_from_gcrs",
     "itrs_from_geodetic",
@@ -259,6 +290,7 @@ __all__ = [
     "mean_from_osculating",
     "mean_from_true",
     "moon_position_m",
+    "orbit_state_matrix",
     "osculating_from_mean",
     "parse_element_sets",
     "phase_angle_rad",
@@ -267,6 +299,7 @@ __all__ = [
     "propagate_two_body",
     "quasi_nonsingular_from_state",
     "read_attitudes",
+    "read_covariances",
     "read_csv_table",
     "read_element_sets",
     "read_opm",
@@ -287,6 +320,7 @@ __all__ = [
     "solve_lambert_all",
     "state_from_elements",
     "state_from_quasi_nonsingular",
+    "state_matrix",
     "state_rates",
     "subtract_center",
     "sun_height_rad",

@@ -9,7 +9,7 @@ from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
     from rso_lidar.picture.frames.animation import ANIMATION_SUFFIXES, animate
-    from rso_lidar.picture.frames.frame import frame_figure, save_frame, summarize_frame
+    from rso_lidar.picture.frames.frame import draw, frame_figure, save_frame, summarize_frame
     from rso_lidar.picture.frames.panels import draw_intensity, draw_range
     from rso_lidar.picture.frames.part_colours import colour_parts, find_part_name, rank_parts
     from rso_lidar.picture.frames.raster import draw_panel, draw_text
@@ -50,6 +50,7 @@ __all__ = [
     "colour_parts",
     "contact_sheet",
     "curve_figure",
+    "draw",
     "draw_intensity",
     "draw_panel",
     "draw_range",

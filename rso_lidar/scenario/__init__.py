@@ -66,6 +66,7 @@ if TYPE_CHECKING:
         Corridor,
     )
     from rso_lidar.scenario.tables.dispersion import (
+        CovarianceErrors,
         Dispersion,
         ElementSetErrors,
         StateErrors,
@@ -121,6 +122,7 @@ __all__ = [
     "CalibrationData",
     "Constraints",
     "Corridor",
+    "CovarianceErrors",
     "CratersAndBoulders",
     "DataLink",
     "Dispersion",

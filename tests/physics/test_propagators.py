@@ -11,6 +11,7 @@ from rso_lidar.orbit import (
     J2,
     Epochs,
     Forces,
+    Gravity,
     Kepler,
     Numerical,
     RadiationPressure,
@@ -20,6 +21,7 @@ from rso_lidar.orbit import (
 )
 from rso_lidar.orbit.propagation.j2 import secular_rates
 from rso_lidar.orbit.sky.moon import ecliptic_of_date
+from tests.orbit.earth.earth_for_tests import finals
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -99,6 +101,31 @@ def test_two_body_day_of_another_gm(validation, orbit):
         expected=0.0,
         got=np.linalg.norm(position[0] - BRAHE[orbit, "none"]),
         tolerance=1e-2,  # of its integrator: 1e-10 of 1e8 m and more flown
+        unit="m",
+    )
+
+
+# brahe 1.8.0, as above, with the shipped coefficients read from their file, to degree and order 20, and one orientation of
+# the Earth throughout: UT1 - UTC 0.03 s, pole at 0.2" and 0.4", no offsets of the celestial pole (StaticEOPProvider)
+TESSERAL = {
+    "low orbit": [5331442.320885702, 71148.91625672365, 4254611.24248655],
+    "geostationary orbit": [42157054.99757353, 760106.8173738574, 2504.3839194669004],
+    "orbit with e = 0.73": [-4937577.972267258, 6452565.284247276, 13717230.665781872],
+}
+
+
+@pytest.mark.parametrize("orbit", list(STARTS))
+def test_day_in_a_gravity_field_of_degree_and_order_twenty(validation, orbit, tmp_path):
+    file = tmp_path / "finals"
+    file.write_text(finals(range(60_560, 60_580), 0.2, 0.4, 0.03))
+    x = np.array(STARTS[orbit])
+    forces = Forces(gravity=Gravity(degree=20, order=20, earth_orientation_file=str(file)))
+    validation(
+        case=f"{orbit}: EGM2008 to degree and order 20 for a day, distance of the two places",
+        source="brahe 1.8.0, NumericalOrbitPropagator, with the same coefficients and orientation of the Earth",
+        expected=0.0,
+        got=np.linalg.norm(integrate_orbit(x[:3], x[3:], START, forces)(DAY)[0, :3] - TESSERAL[orbit]),
+        tolerance=1e-2,  # of brahe's integrator, as without forces
         unit="m",
     )
 

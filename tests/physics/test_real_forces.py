@@ -22,7 +22,7 @@ from rso_lidar.orbit import (
     sun_position_m,
     sunlit_fraction,
 )
-from rso_lidar.orbit.propagation.forces import air_density_kg_m3
+from rso_lidar.orbit.propagation.atmosphere import air_density_kg_m3
 from rso_lidar.orbit.sky.precession import pole_direction
 from rso_lidar.rpo import Nonlinear
 

@@ -23,6 +23,7 @@ from rso_lidar.orbit import (
     format_utc,
     foster_probability,
     integrate_collisions,
+    orbit_state_matrix,
     sample_collisions,
 )
 from rso_lidar.rpo import rtn_matrix
@@ -199,7 +200,7 @@ def _state(value: float | None, form: str, unit: str) -> str:
 
 def _make_state(message: ConjunctionMessage, body: ConjunctionObject, notes: list[str]) -> UncertainState:
     """Turn the state of an object to inertial axes, with its covariance."""
-    turn = np.kron(np.eye(2), rtn_matrix(body.position_m, body.velocity_m_s)[0])
+    turn = orbit_state_matrix("rtn", body.position_m, body.velocity_m_s)
     covariance = turn @ body.covariance_rtn @ turn.T
     if not body.has_velocity_covariance:
         notes.append(f"{body.label}: the message gives no covariance of velocity, which counts as known")

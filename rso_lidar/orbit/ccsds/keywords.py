@@ -11,7 +11,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.ccsds.message import Entry, parse_number
 from rso_lidar.orbit.ccsds.xml import walk_message
 
-_KEYWORD = re.compile(r"([A-Z][A-Z0-9_]*)\s*=\s*(.*?)\s*(?:\[([^\]]*)\])?", re.ASCII)
+KEYWORD = re.compile(r"([A-Z][A-Z0-9_]*)\s*=\s*(.*?)\s*(?:\[([^\]]*)\])?", re.ASCII)
 _RADIUS = re.compile(r"COMMENT\s+HBR\s*=\s*(\S+)\s*(?:\[([^\]]*)\])?", re.ASCII)
 _NOT_GIVEN = ("nan", "n/a", "na", "none", "unknown", "null")  # values of optional numbers that producers do not know
 RADIUS_COMMENT = "COMMENT HBR"  # stands for the keyword HBR
@@ -45,7 +45,7 @@ def _read_text(text: str, kind: str, where: str) -> tuple[str, list[tuple[str, S
             entries.append((RADIUS_COMMENT, StatedValue(radius[1], number, (radius[2] or "").strip())))
         if not line or line.split()[0] == "COMMENT":
             continue
-        match = _KEYWORD.fullmatch(line)
+        match = KEYWORD.fullmatch(line)
         if match is None:
             raise ScenarioError(f"{where}: line {number}: '{line:.40}' is not KEYWORD = value; correct the line")
         if not version:

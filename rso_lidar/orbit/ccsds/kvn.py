@@ -50,6 +50,7 @@ def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
             inside, begun = (name, number) if edge == "START" else ("", 0)
             continue
         if inside == "COVARIANCE":
+            message.segments[-1].covariances.append((number, line))
             continue
         match = _KEYWORD.fullmatch(line)
         if match is not None and kind == "TDM" and inside == "DATA":

@@ -31,11 +31,15 @@ class Entry:
 
 @dataclass
 class CcsdsSegment:
-    """One metadata block and the data rows under it: (line, cells)."""
+    """One metadata block and the data rows under it: (line, cells).
+
+    The lines of its covariances are kept as keyword = value notation has them, and read only where they are used.
+    """
 
     line: int
     meta: dict[str, Entry] = field(default_factory=dict)
     rows: list[tuple[int, list[str]]] = field(default_factory=list)
+    covariances: list[tuple[int, str]] = field(default_factory=list)
 
 
 @dataclass

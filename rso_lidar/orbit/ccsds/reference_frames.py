@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import datetime
 import re
-from collections.abc import Sequence
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError, warn_of_input
-from rso_lidar.orbit.earth.axes import EarthAxes, convert_states, gcrs_from_axes
+from rso_lidar.orbit.earth.axes import EarthAxes, convert_states, gcrs_from_axes, gcrs_state_matrix
 from rso_lidar.orbit.earth.earth_orientation import UNCERTAINTY_WITHOUT_RAD, EarthOrientation
 from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, format_epochs
-from rso_lidar.orbit.two_body.orbit_axes import orbit_axes_matrix
+from rso_lidar.orbit.two_body.orbit_axes import OrbitAxes
 from rso_lidar.records import BodyState
 
 # Names without spaces, dashes and underscores, and their axes. GCRF and ICRF are equal axes; the centre is the Earth's here.
@@ -25,11 +24,21 @@ _NAMES: dict[EarthAxes, tuple[str, ...]] = {
     "tod": ("TOD", "TODEARTH"),
     "itrs": ("ITRF", "ITRS", "WGS84"),
 }
-OrbitFrame = Literal["rtn", "tnw"]
-# Names of local orbital axes without dashes and underscores; those of the state's instant, which do not turn.
-_ORBIT_NAMES: dict[OrbitFrame, tuple[str, ...]] = {
-    "rtn": ("RTN", "RSW", "RIC", "QSW", "RTNINERTIAL", "RSWINERTIAL"),
-    "tnw": ("TNW", "TNWINERTIAL"),
+# Names of axes of an orbit without dashes and underscores. Velocities along them are relative to inertial axes, unless the
+# name ends in ROTATING (SANA, orbit-relative reference frames).
+_ORBIT_NAMES: dict[OrbitAxes, tuple[str, ...]] = {
+    "rtn": ("RTN", "RSW", "RIC", "QSW"),
+    "tnw": ("TNW",),
+    "ntw": ("NTW",),
+    "vnc": ("VNC",),
+    "lvlh_ccsds": ("LVLH",),
+}
+WRITTEN_ORBIT_AXES: dict[OrbitAxes, str] = {
+    "rtn": "RTN",
+    "tnw": "TNW",
+    "ntw": "NTW_INERTIAL",
+    "vnc": "VNC_INERTIAL",
+    "lvlh_ccsds": "LVLH_INERTIAL",
 }
 _ITRF = re.compile(r"ITRF(19|20)?\d\d")  # its realisations agree within centimetres
 WRITTEN_FRAMES: dict[EarthAxes, str] = {
@@ -52,32 +61,54 @@ def parse_frame(name: str, where: str) -> EarthAxes:
     raise ScenarioError(f"{where}: reference frame {name} is not supported; write the file in {known}")
 
 
-def parse_orbit_frame(name: str, where: str) -> EarthAxes | OrbitFrame:
+@dataclass(frozen=True)
+class StateFrame:
+    """Axes of a covariance or a maneuver of a message.
+
+    Parameters
+    ----------
+    name : as the message gives it
+    axes : of the Earth or of the orbit
+    rotating : whether velocities are relative to orbital axes as they turn
+    frozen_ps : epoch of axes of date [ps of TAI since the start of 2000]; None for that of the state
+    """
+
+    name: str
+    axes: EarthAxes | OrbitAxes
+    rotating: bool = False
+    frozen_ps: int | None = None
+
+    def find_matrix(self, epochs: Epochs, states: BodyState, orientation: EarthOrientation | None = None) -> np.ndarray:
+        """Return the matrices (time, 6, 6) that take states in these axes to those in GCRS axes.
+
+        Parameters
+        ----------
+        states : (time, 3) of the orbit, in GCRS axes
+        """
+        if self.frozen_ps is not None and self.axes in ("mod", "tod", "teme"):
+            start_utc, start_ps = floor_to_utc_second(self.frozen_ps)
+            fixed = Epochs(start_utc, np.array([(self.frozen_ps - start_ps) / PS_PER_S]))
+            return np.broadcast_to(gcrs_state_matrix(self.axes, fixed), (len(epochs), 6, 6))
+        return gcrs_state_matrix(self.axes, epochs, states, rotating=self.rotating, orientation=orientation)
+
+
+def parse_orbit_frame(name: str, where: str) -> StateFrame:
     """Parse the name of a frame of a covariance or a maneuver, which may be orbital axes, or raise `ScenarioError`."""
     plain = name.upper().replace(" ", "").replace("_", "").replace("-", "")
-    for frame, names in _ORBIT_NAMES.items():
-        if plain in names:
-            return frame
+    base = plain.removesuffix("INERTIAL").removesuffix("ROTATING")
+    for axes, names in _ORBIT_NAMES.items():
+        if base in names:
+            if plain == "LVLH":
+                raise ScenarioError(
+                    f"{where}: reference frame {name} means two things; write LVLH_INERTIAL or LVLH_ROTATING (z to "
+                    "nadir), or RTN (x outward)"
+                )
+            return StateFrame(name, axes, plain.endswith("ROTATING"))
     try:
-        return parse_frame(name, where)
+        return StateFrame(name, parse_frame(name, where))
     except ScenarioError:
-        known = ", ".join(("RTN", "TNW", *WRITTEN_FRAMES.values()))
+        known = ", ".join((*WRITTEN_ORBIT_AXES.values(), *WRITTEN_FRAMES.values()))
         raise ScenarioError(f"{where}: reference frame {name} is not supported; write {known}") from None
-
-
-def gcrs_from_orbit_frame(
-    frame: OrbitFrame, position_m: np.ndarray | Sequence[float], velocity_m_s: np.ndarray | Sequence[float]
-) -> np.ndarray:
-    """Return the rotation matrix (3, 3) from orbital axes of a state (3,) in GCRS axes.
-
-    502.0-B-3, 3.2.4.11: TNW has x along the velocity, W along the angular momentum, and N completes the right-handed
-    system.
-    """
-    position, velocity = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
-    if frame == "rtn":
-        return orbit_axes_matrix("rtn", position, velocity)
-    outward, along, normal = orbit_axes_matrix("ntw", position, velocity).T
-    return np.stack([along, -outward, normal], axis=-1)
 
 
 def freeze_axes(

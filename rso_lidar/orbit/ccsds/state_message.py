@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -15,17 +15,16 @@ from rso_lidar.orbit.ccsds.keywords import GREATEST_TERM, KeywordBlock, StatedVa
 from rso_lidar.orbit.ccsds.message import check_center, read_time_system
 from rso_lidar.orbit.ccsds.reader import find_table, read_table_text
 from rso_lidar.orbit.ccsds.reference_frames import (
-    OrbitFrame,
     freeze_axes,
-    gcrs_from_orbit_frame,
     parse_frame,
     parse_orbit_frame,
     warn_without_orientation,
 )
-from rso_lidar.orbit.earth.axes import EarthAxes, convert_states
+from rso_lidar.orbit.earth.axes import EARTH_AXES, EarthAxes, convert_states, gcrs_from_axes, gcrs_state_matrix
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
 from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, parse_epoch_ps
 from rso_lidar.orbit.two_body.kepler import State
+from rso_lidar.orbit.two_body.orbit_axes import OrbitAxes, invert_state_matrix
 from rso_lidar.records import BodyState
 
 STATE_KEYS = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
@@ -151,8 +150,8 @@ class OrbitParameterMessage:
         """Covariance (6, 6) in the rtn axes of the state, rotated without their rate [m2, m2/s, m2/s2]."""
         if self.covariance is None:
             return None
-        turn = np.kron(np.eye(2), gcrs_from_orbit_frame("rtn", self.state.position_m, self.state.velocity_m_s))
-        turned: np.ndarray = turn.T @ self.covariance @ turn
+        back = invert_state_matrix(gcrs_state_matrix("rtn", *_list_states(self.state)))[0]
+        turned: np.ndarray = back @ self.covariance @ back.T
         return turned
 
 
@@ -264,7 +263,7 @@ def _parse_stamp(entry: StatedValue, system: str, where: str) -> int:
     return parse_epoch_ps(entry.value, system, f"{where}: line {entry.line}")
 
 
-def _find_frozen_ps(block: KeywordBlock, system: str, axes: EarthAxes) -> int | None:
+def _find_frozen_ps(block: KeywordBlock, system: str, axes: EarthAxes | OrbitAxes) -> int | None:
     """Return REF_FRAME_EPOCH [ps of TAI since the start of 2000] for axes of date, or None where it is not given."""
     fixed = block.find("REF_FRAME_EPOCH")
     return None if fixed is None or axes not in ("mod", "tod", "teme") else _parse_stamp(fixed, system, block.where)
@@ -285,43 +284,33 @@ def _read_covariance(
     """Return the covariance (6, 6) in GCRS axes, and the name of its frame in the message; None and empty without one."""
     if not any(key.partition("_")[0] in ("CX", "CY", "CZ") for key in block.entries):
         return None, ""
-    matrix = np.zeros((6, 6))
-    for row, name in enumerate(STATE_KEYS):
-        for column, other in enumerate(STATE_KEYS[: row + 1]):
-            unit = ("km**2", "km**2/s", "km**2/s**2")[(row > 2) + (column > 2)]
-            value = block.require_number(f"C{name}_{other}", unit, GREATEST_TERM) * units.KM**2
-            matrix[row, column] = matrix[column, row] = value
+    matrix = read_triangle(block)
     if (np.diag(matrix) < 0.0).any():
         raise ScenarioError(
             f"{block.where}: the covariance has a variance below 0; correct it, or remove the covariance"
         )
     named = block.find("COV_REF_FRAME") or block.require("REF_FRAME")
     frame = parse_orbit_frame(named.value, f"{block.where}: line {named.line}")
-    turn = find_turn(frame, state, _find_frozen_ps(block, system, _as_earth_axes(frame)), orientation)
+    if frame.axes in EARTH_AXES:
+        frame = replace(frame, frozen_ps=_find_frozen_ps(block, system, frame.axes))
+    turn = frame.find_matrix(*_list_states(state), orientation)[0]
     return turn @ matrix @ turn.T, named.value
 
 
-def _as_earth_axes(frame: EarthAxes | OrbitFrame) -> EarthAxes:
-    """Return a frame where it is one of the Earth's, else "gcrs"."""
-    return "gcrs" if frame == "rtn" or frame == "tnw" else frame
+def read_triangle(block: KeywordBlock) -> np.ndarray:
+    """Read the lower triangle of a covariance (6, 6) in kilometres by its keywords CX_X ... [m2, m2/s, m2/s2]."""
+    matrix = np.zeros((6, 6))
+    for row, name in enumerate(STATE_KEYS):
+        for column, other in enumerate(STATE_KEYS[: row + 1]):
+            unit = ("km**2", "km**2/s", "km**2/s**2")[(row > 2) + (column > 2)]
+            value = block.require_number(f"C{name}_{other}", unit, GREATEST_TERM) * units.KM**2
+            matrix[row, column] = matrix[column, row] = value
+    return matrix
 
 
-def find_turn(
-    frame: EarthAxes | OrbitFrame, state: State, frozen_ps: int | None, orientation: EarthOrientation | None
-) -> np.ndarray:
-    """Return the derivative (6, 6) of a state in GCRS axes by the state in a frame; orbital axes count as not turning.
-
-    Parameters
-    ----------
-    frozen_ps : epoch of axes of date [ps of TAI since the start of 2000]; None for that of the state
-    """
-    if frame == "rtn" or frame == "tnw":
-        turned: np.ndarray = np.kron(np.eye(2), gcrs_from_orbit_frame(frame, state.position_m, state.velocity_m_s))
-        return turned
-    basis = np.eye(6)  # the conversion is linear in the state
-    at = Epochs(state.epoch_utc, np.zeros(6))
-    columns = _to_gcrs(BodyState(basis[:, :3], basis[:, 3:]), at, frame, frozen_ps, orientation)
-    return np.concatenate([columns.position_m, columns.velocity_m_s], axis=1).T
+def _list_states(state: State) -> tuple[Epochs, BodyState]:
+    """Return a state as a batch of one."""
+    return Epochs(state.epoch_utc, np.zeros(1)), BodyState(np.array([state.position_m]), np.array([state.velocity_m_s]))
 
 
 def _read_maneuver(block: KeywordBlock, system: str, state: State) -> StatedManeuver:
@@ -346,18 +335,22 @@ def _read_maneuver(block: KeywordBlock, system: str, state: State) -> StatedMane
     values = [block.require_number(f"MAN_DV_{k}", "km/s") * units.KM for k in (1, 2, 3)]
     frame = parse_orbit_frame(named.value, f"{where}: line {named.line}")
     axes: Literal["rtn", "vnc", "inertial"] = "inertial"
-    if frame == "rtn":
+    if frame.axes == "rtn":
         axes, vector = "rtn", values
-    elif frame == "tnw":  # x along the velocity, z along r x v: vnc has y along r x v
+    elif frame.axes == "vnc":
+        axes, vector = "vnc", values
+    elif frame.axes == "tnw":  # x along the velocity, z along r x v: vnc has y along r x v
         axes, vector = "vnc", [values[0], values[2], -values[1]]
-    elif frame == "itrs":
+    elif frame.axes == "ntw":  # y along the velocity, x outward
+        axes, vector = "vnc", [values[1], values[2], values[0]]
+    elif frame.axes == "lvlh_ccsds":  # z to nadir, x along-track
+        axes, vector = "rtn", [-values[2], values[0], -values[1]]
+    elif frame.axes == "itrs":
         raise ScenarioError(
             f"{where}: line {named.line}: MAN_REF_FRAME {named.value} turns with the Earth; write RTN, TNW or an "
             "inertial frame"
         )
     else:
-        zero = np.zeros((1, 3))
         at = Epochs(at_utc, np.array([(stamp_ps - at_ps) / PS_PER_S]))
-        turned = convert_states(BodyState(zero, np.array([values])), at, from_axes=frame)
-        vector = turned.velocity_m_s[0].tolist()
+        vector = (gcrs_from_axes(frame.axes, at)[0] @ values).tolist()
     return StatedManeuver(ignition_s, (vector[0], vector[1], vector[2]), axes, duration_s, lost_kg)

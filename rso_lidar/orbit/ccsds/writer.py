@@ -14,12 +14,13 @@ from rso_lidar.errors import RecordingError
 from rso_lidar.files import write_text
 from rso_lidar.orbit.ccsds.ephemeris_arc import DEGREE, PLACES, SPEEDS
 from rso_lidar.orbit.ccsds.kvn import format_keywords, format_kvn, make_header
-from rso_lidar.orbit.ccsds.reference_frames import OrbitFrame, convert_to_written
-from rso_lidar.orbit.ccsds.state_message import STATE_KEYS, StatedManeuver, find_turn
+from rso_lidar.orbit.ccsds.reference_frames import WRITTEN_ORBIT_AXES, StateFrame, convert_to_written
+from rso_lidar.orbit.ccsds.state_message import STATE_KEYS, StatedManeuver
 from rso_lidar.orbit.earth.axes import EarthAxes
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
-from rso_lidar.orbit.epochs import Epochs, format_epochs
+from rso_lidar.orbit.epochs import Epochs, format_epochs, tai_ps_from_utc
 from rso_lidar.orbit.two_body.kepler import State
+from rso_lidar.orbit.two_body.orbit_axes import OrbitAxes, invert_state_matrix
 from rso_lidar.records import BodyState
 
 
@@ -115,7 +116,7 @@ def write_opm(
     state: State,
     *,
     covariance: np.ndarray | None = None,
-    covariance_axes: OrbitFrame | None = None,
+    covariance_axes: OrbitAxes | None = None,
     mass_kg: float | None = None,
     maneuvers: Sequence[StatedManeuver] = (),
     originator: str = "RSO_LIDAR",
@@ -134,7 +135,8 @@ def write_opm(
     name, object_id : OBJECT_NAME and OBJECT_ID of the message
     state : its epoch, position and velocity in GCRS axes
     covariance : (6, 6) of the state in GCRS axes [m2, m2/s, m2/s2]; none if left out
-    covariance_axes : orbital axes in which the file states the covariance, "rtn" or "tnw"; those of the state if left out
+    covariance_axes : orbital axes in which the file states the covariance, "rtn", "tnw", "ntw", "vnc" or "lvlh_ccsds", with
+        velocities relative to inertial axes; those of the state if left out
     mass_kg : mass at the epoch, which maneuvers require [kg]
     maneuvers : as of `OrbitParameterMessage`, in the order of time
 
@@ -174,15 +176,9 @@ def write_opm(
             raise RecordingError(f"mass_kg: {mass_kg:g} kg; give a mass above 0")
         blocks.append({"MASS": f"{mass_kg:.6f} [kg]"})
     if covariance is not None:
-        basis = np.eye(6)
-        epochs = Epochs(state.epoch_utc, np.zeros(6))
-        if covariance_axes is None:
-            columns, _ = convert_to_written(
-                BodyState(basis[:, :3], basis[:, 3:]), epochs, axes, frame_epoch_utc, orientation
-            )
-            turn = np.concatenate([columns.position_m, columns.velocity_m_s], axis=1).T
-        else:
-            turn = find_turn(covariance_axes, state, None, None).T
+        stamp = None if frame_epoch_utc is None else tai_ps_from_utc(frame_epoch_utc)
+        chosen = StateFrame("", axes, frozen_ps=stamp) if covariance_axes is None else StateFrame("", covariance_axes)
+        turn = invert_state_matrix(chosen.find_matrix(at, given, orientation))[0]
         blocks.append(_format_covariance(covariance, turn, covariance_axes))
     if maneuvers and mass_kg is None:
         raise RecordingError("mass_kg: a message with maneuvers states the mass (502.0-B, 3.2.4.9); give it")
@@ -191,13 +187,13 @@ def write_opm(
     return write_text(path, text, overwrite=overwrite)
 
 
-def _format_covariance(covariance: np.ndarray, turn: np.ndarray, axes: OrbitFrame | None) -> dict[str, str]:
+def _format_covariance(covariance: np.ndarray, turn: np.ndarray, axes: OrbitAxes | None) -> dict[str, str]:
     """Format a covariance (6, 6) in GCRS axes, of which `turn` (6, 6) makes that of the file, to 16 digits."""
     matrix = np.asarray(covariance, dtype=float)
     if matrix.shape != (6, 6) or not np.isfinite(matrix).all() or (np.diag(matrix) < 0.0).any():
         raise RecordingError("covariance: needs 6 x 6 finite numbers with variances of 0 or more; correct it")
     turned = turn @ (0.5 * (matrix + matrix.T)) @ turn.T / units.KM**2
-    words = {} if axes is None else {"COV_REF_FRAME": axes.upper()}
+    words = {} if axes is None else {"COV_REF_FRAME": WRITTEN_ORBIT_AXES[axes]}
     for row, name in enumerate(STATE_KEYS):
         for column, other in enumerate(STATE_KEYS[: row + 1]):
             unit = ("km**2", "km**2/s", "km**2/s**2")[(row > 2) + (column > 2)]

@@ -20,7 +20,8 @@ _UNITS = {
     "attitudeState": dict.fromkeys(("Q1", "Q2", "Q3", "QC"), ""),
     "observation": {},
 }
-_SKIPPED = ("COMMENT", "covarianceMatrix", "USER_DEFINED")
+_COVARIANCE = "covarianceMatrix"
+_SKIPPED = ("COMMENT", "USER_DEFINED")
 
 
 class Elements(Protocol):
@@ -145,6 +146,10 @@ class _RowReceiver:
             if "QC" in self.row:
                 self.message.segments[-1].meta["QUATERNION_TYPE"] = Entry("LAST", self.row_line)
             self.row = None
+        elif _COVARIANCE in self.path:
+            if value and self.message.segments:
+                stated = f" [{unit}]" if unit else ""
+                self.message.segments[-1].covariances.append((line, f"{tag} = {value}{stated}"))
         elif self.row is not None and value:
             if tag in _ROWS[self.row_tag] or self.row_tag == "observation":
                 self.check_unique(tag, self.row, line)

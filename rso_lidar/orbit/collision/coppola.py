@@ -18,13 +18,13 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius, check_window
 from rso_lidar.orbit.two_body.many_states import propagate_many
+from rso_lidar.orbit.two_body.transition import find_transition
 from rso_lidar.pose import dot
 
 _SIGMAS = 8.5  # at this many standard deviations from its peak a density is 1e-16 of it
 _CIRCLES, _FEWEST_AROUND, _MOST_AROUND = 48, 128, 300  # on the sphere, and points on each
 _SHELLS = 32  # nodes along the radius of the sphere
 _STILL = 1e-9  # m/s: least standard deviation of the velocity; one of 0 needs no case of its own
-_STEP_M, _STEP_M_S = 10.0, 0.01  # of the differences that give the transition matrix: good to 1e-8
 _STEP_RAD = 0.1  # angle of motion at perigee between the instants at which closest approaches are looked for
 _SPREADS = 1.0, 4.0, 16.0  # of an encounter's length: where the panels of the integral over time end
 _NODES, _HALVINGS = 10, 12  # in a panel of the integral over time; and how often it may be halved
@@ -115,13 +115,10 @@ def _integrate(rate_per_s: Callable[[float], float], edges: list[float]) -> floa
 
 def _relative_state(first: UncertainState, second: UncertainState, time_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Return mean (6,) and covariance (6, 6) of the relative state at an instant [m], [m/s]."""
-    steps = np.diag([_STEP_M] * 3 + [_STEP_M_S] * 3)
     total, covariance = np.zeros(6), np.zeros((6, 6))
     for sign, state in ((-1.0, first), (1.0, second)):
-        start = np.concatenate([state.position_m, state.velocity_m_s])
-        starts = start + np.concatenate([np.zeros((1, 6)), steps, -steps])
-        there = np.hstack(propagate_many(starts[:, :3], starts[:, 3:], np.full(len(starts), time_s)))
-        transition = ((there[1:7] - there[7:]) / (2.0 * np.diag(steps)[:, None])).T
+        there, transitions = find_transition(state.position_m[None], state.velocity_m_s[None], np.array([time_s]))
+        transition = transitions[0]
         total += sign * there[0]
         covariance += transition @ state.covariance @ transition.T
     return total, covariance

@@ -10,14 +10,13 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.two_body.covariance_history import check_covariances
 from rso_lidar.orbit.two_body.kepler import semi_major_axis_m
 from rso_lidar.part import to_real_array
 from rso_lidar.pose import dot
 
 GM = units.EARTH_GM_M3_S2
 _SIGMAS = 8.0  # of the position along the relative velocity, that the window of a fast encounter covers
-_ASYMMETRY = 1e-3  # relative difference of mirrored terms that rounding of digits explains
-_NEGATIVE = 1e-3  # relative size of a negative eigenvalue that rounding of digits explains
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,17 +46,7 @@ class UncertainState:
         given = _check_array("covariance", self.covariance, ((3, 3), (6, 6)))
         full = np.zeros((6, 6))
         full[: len(given), : len(given)] = given
-        scale = np.sqrt(np.abs(np.diag(full)))
-        unit = np.outer(scale, scale)
-        if (np.abs(full - full.T) > _ASYMMETRY * unit).any() or (np.diag(full) < 0.0).any():
-            raise ScenarioError("covariance: is not symmetric with variances of 0 or more; correct its terms")
-        full = 0.5 * (full + full.T)
-        least = float(np.linalg.eigvalsh(full / np.where(unit > 0.0, unit, 1.0)).min())
-        if least < -_NEGATIVE or (np.abs(full) > unit * (1.0 + _ASYMMETRY)).any():
-            raise ScenarioError(
-                "covariance: is not positive semidefinite, so no distribution has it; correct its terms, or give the "
-                "3 x 3 part of the position alone"
-            )
+        full = check_covariances(full, "covariance", "or give the 3 x 3 part of the position alone")
         object.__setattr__(self, "covariance", full)
 
     @property

@@ -7,7 +7,7 @@
 | `mod`, `tod` | mean, or true equator and equinox of date (IAU 2006/2000A) |
 | `teme` | true equator, mean equinox of date: the axes of SGP4 |
 | `itrs` | fixed in the Earth; ITRF and WGS84 agree with it within centimetres |
-| `rtn`, `lvlh_ccsds`, `vnc`, `ntw` | of an orbit, whose states they need |
+| `rtn`, `lvlh_ccsds`, `vnc`, `ntw`, `tnw` | of an orbit, whose states they need |
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
 from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs, itrs_from_gcrs_rate
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.axes_of_date import gcrs_from_axes_of_date
-from rso_lidar.orbit.two_body.orbit_axes import OrbitAxes, orbit_axes_matrix
+from rso_lidar.orbit.two_body.orbit_axes import OrbitAxes, orbit_axes_matrix, orbit_state_matrix, state_matrix
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 
@@ -56,7 +56,7 @@ def gcrs_from_axes(
 
     Parameters
     ----------
-    axes : "gcrs", "eme2000", "mod", "tod", "teme", "itrs"; or "rtn", "lvlh_ccsds", "vnc", "ntw" of an orbit
+    axes : "gcrs", "eme2000", "mod", "tod", "teme", "itrs"; or "rtn", "lvlh_ccsds", "vnc", "ntw", "tnw" of an orbit
     epochs : instants
     states : GCRS states (time, 3) of the orbit; axes of the Earth need none
 
@@ -157,6 +157,53 @@ def convert_states(
         matrix = np.swapaxes(gcrs_from_axes(to_axes, epochs), -1, -2)
         position_m, velocity_m_s = rotate_vectors(matrix, position_m), rotate_vectors(matrix, velocity_m_s)
     return BodyState(position_m, velocity_m_s)
+
+
+def gcrs_state_matrix(
+    axes: EarthAxes | OrbitAxes,
+    epochs: Epochs,
+    states: BodyState | None = None,
+    *,
+    rotating: bool = False,
+    orientation: EarthOrientation | None = None,
+) -> np.ndarray:
+    """Return the matrices that take positions and velocities in named axes to those in GCRS axes.
+
+    They are the derivatives of one state by the other, so a covariance P becomes M P M^T. As in `convert_states`, velocities
+    in "itrs" are relative to the rotating Earth, and all other axes of the Earth count as not turning.
+
+    Parameters
+    ----------
+    axes : "gcrs", "eme2000", "mod", "tod", "teme", "itrs"; or "rtn", "lvlh_ccsds", "vnc", "ntw", "tnw" of an orbit
+    epochs : instants
+    states : GCRS states (time, 3) of the orbit; axes of the Earth need none
+
+    Other Parameters
+    ----------------
+    rotating : whether velocities along orbital axes are relative to these axes as they turn by two-body motion, rather than
+        to inertial axes
+    orientation : polar motion and UT1 for "itrs", see `itrs_from_gcrs`
+
+    Returns
+    -------
+    (time, 6, 6)
+        `invert_state_matrix` gives the way back
+
+    Raises
+    ------
+    ScenarioError
+        if the name is unknown, or orbital axes are given no states
+    """
+    check_axes(axes, (*EARTH_AXES, *ORBIT_AXES))
+    if axes in ORBIT_AXES:
+        if states is None:
+            raise ScenarioError(f"axes: '{axes}' are those of an orbit; give its states")
+        return orbit_state_matrix(axes, states.position_m, states.velocity_m_s, rotating=rotating)
+    matrix = state_matrix(gcrs_from_axes(axes, epochs, orientation=orientation))
+    if axes == "itrs":  # v = R^T (v' - dR/dt r) with r = R^T r'
+        back = matrix[:, :3, :3]
+        matrix[:, 3:, :3] = -back @ itrs_from_gcrs_rate(epochs, orientation) @ back
+    return matrix
 
 
 def check_axes(axes: str, known: tuple[str, ...]) -> None:

@@ -1,8 +1,7 @@
-"""Forces on a body about the Earth: zonal harmonics, air drag, sunlight, Sun and Moon.
+"""Forces on a body about the Earth: its gravity, air drag, sunlight, Sun and Moon.
 
-Left out, with their effect on a low orbit in a day: the Earth's other harmonics (J22 and on: hundreds of metres to a
-kilometre), tides, light from the Earth, and relativity (metres). The atmosphere of the table is a mean one: above 300 km
-the density varies by a factor of up to ten with solar activity.
+Zonal harmonics alone leave out the Earth's other harmonics: hundreds of metres to a kilometre in a day of a low orbit.
+Always left out are tides, light from the Earth, and relativity (metres).
 """
 
 from __future__ import annotations
@@ -10,65 +9,37 @@ from __future__ import annotations
 import datetime
 import functools
 import math
-from bisect import bisect_right
 from collections.abc import Callable
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
 
 from rso_lidar import units
+from rso_lidar.orbit.earth.earth_fixed import find_earth_fixed_axes
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.almanac import Almanac
+from rso_lidar.orbit.propagation.atmosphere import Atmosphere, ExponentialAtmosphere
+from rso_lidar.orbit.propagation.gravity import Gravity
+from rso_lidar.orbit.sky.almanac import Almanac, Vector3
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.part import Flag, Part, Positive
 
 GM = units.EARTH_GM_M3_S2
 _ZONALS = (units.EARTH_J2, units.EARTH_J3, units.EARTH_J4, units.EARTH_J5, units.EARTH_J6)
 _CORE_M = 0.5 * units.EARTH_RADIUS_M  # below this radius the attraction is held constant, because no orbit is there
-Vector3 = tuple[float, float, float]
 ForceField = Callable[[float, Vector3, Vector3], tuple[Vector3, float]]
-
-# Vallado 4th ed. table 8-4: height [km], density there [kg/m3], scale height [km], up to the next row
-_AIR = (
-    (0.0, 1.225, 7.249),
-    (25.0, 3.899e-2, 6.349),
-    (30.0, 1.774e-2, 6.682),
-    (40.0, 3.972e-3, 7.554),
-    (50.0, 1.057e-3, 8.382),
-    (60.0, 3.206e-4, 7.714),
-    (70.0, 8.770e-5, 6.549),
-    (80.0, 1.905e-5, 5.799),
-    (90.0, 3.396e-6, 5.382),
-    (100.0, 5.297e-7, 5.877),
-    (110.0, 9.661e-8, 7.263),
-    (120.0, 2.438e-8, 9.473),
-    (130.0, 8.484e-9, 12.636),
-    (140.0, 3.845e-9, 16.149),
-    (150.0, 2.070e-9, 22.523),
-    (180.0, 5.464e-10, 29.740),
-    (200.0, 2.789e-10, 37.105),
-    (250.0, 7.248e-11, 45.546),
-    (300.0, 2.418e-11, 53.628),
-    (350.0, 9.518e-12, 53.298),
-    (400.0, 3.725e-12, 58.515),
-    (450.0, 1.585e-12, 60.828),
-    (500.0, 6.967e-13, 63.822),
-    (600.0, 1.454e-13, 71.835),
-    (700.0, 3.614e-14, 88.667),
-    (800.0, 1.170e-14, 124.64),
-    (900.0, 5.245e-15, 181.05),
-    (1000.0, 3.019e-15, 268.00),
-)
-_FLOORS_KM = [row[0] for row in _AIR]
+Attraction = Callable[[float, Vector3], Vector3]
 
 
 class Drag(Part):
-    """Air drag in an exponential atmosphere that rotates with the Earth."""
+    """Air drag in an atmosphere that rotates with the Earth."""
 
     area_m2: Positive = Field(description="Cross-section in the flow [m²].")
     mass_kg: Positive = Field(description="Mass of the body [kg]; thrust does not change it here.")
     drag_coefficient: Positive = Field(default=2.2, description="Drag coefficient; 2.2 suits most satellites.")
+    atmosphere: Atmosphere = Field(
+        default=ExponentialAtmosphere(), description="Density of the air: an `exponential` table, or `nrlmsis`."
+    )
 
 
 class RadiationPressure(Part):
@@ -83,15 +54,22 @@ class RadiationPressure(Part):
 
 
 class Forces(Part):
-    """Forces besides the Earth's central attraction: zonal harmonics, drag, radiation pressure, Sun and Moon."""
+    """Forces besides the Earth's central attraction: its harmonics, drag, radiation pressure, Sun and Moon."""
 
     zonal_degree: Annotated[int, Strict(), Field(ge=0, le=6)] = Field(
         default=2,
         description="Highest degree of the zonal harmonics (EGM96) about the pole of date; 0 is a point mass.",
     )
+    gravity: Gravity | None = Field(
+        default=None,
+        description=(
+            "Gravity by harmonics of every order, which turn with the Earth and have a GM of their own. It takes the place "
+            "of `zonal_degree`. If omitted, `zonal_degree` applies."
+        ),
+    )
     drag: Drag | None = Field(
         default=None,
-        description="Drag in a mean exponential atmosphere that rotates with the Earth. If omitted, there is none.",
+        description="Drag in an atmosphere that rotates with the Earth. If omitted, there is none.",
     )
     radiation_pressure: RadiationPressure | None = Field(
         default=None,
@@ -106,7 +84,23 @@ class Forces(Part):
             raise ValueError(
                 "zonal_degree: must be 0 for a point mass, or 2 to 6, because J1 does not exist; use 0 or 2"
             )
+        if self.gravity is not None and "zonal_degree" in self.model_fields_set:
+            raise ValueError("gravity: takes the place of zonal_degree; leave zonal_degree out")
         return self
+
+    @model_serializer(mode="wrap")
+    def _leave_out_replaced(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Dump the fields without `zonal_degree` where `gravity` takes its place."""
+        fields: dict[str, Any] = serialize(self)
+        if self.gravity is not None:
+            fields.pop("zonal_degree", None)
+        return fields
+
+    def describe_gravity(self) -> str:
+        """Describe the Earth's gravity in a few words; an empty text for a point mass."""
+        if self.gravity is not None:
+            return self.gravity.describe()
+        return f"J2 to J{self.zonal_degree}" if self.zonal_degree > 2 else "J2" if self.zonal_degree else ""
 
     def acceleration(self, epochs: Epochs, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
         """Return the acceleration (time, 3) [m/s2] of states, central attraction included.
@@ -122,8 +116,10 @@ class Forces(Part):
         )
         return np.array([field(t, tuple(r), tuple(v))[0] for t, r, v in rows]).reshape(-1, 3)
 
-    def gravity(self, start_utc: datetime.datetime) -> Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Return the gravity of the Earth as a function of arrays of positions; its pole is that of the start.
+    def attraction(self, start_utc: datetime.datetime) -> Callable[..., np.ndarray]:
+        """Return the gravity of the Earth as a function of time and arrays of positions.
+
+        Zonal harmonics have the pole of the start.
 
         Parameters
         ----------
@@ -131,32 +127,36 @@ class Forces(Part):
 
         Returns
         -------
-        function of the components x, y and z of positions [m], arrays of one shape, GCRS axes
-            it returns those of the acceleration [m/s2]: the central attraction and the zonal harmonics
+        function of seconds since the start (a number or (point,)) and positions (3, point) [m] in GCRS axes
+            it returns the accelerations (3, point) [m/s2]: the central attraction and the harmonics
         """
+        if self.gravity is not None:
+            return _attract_points(self.gravity, start_utc)
         zonals = _ZONALS[: max(self.zonal_degree - 1, 0)]
         pole = _find_almanac(start_utc, sun=False, moon=False)(0.0)[0]
 
-        def accelerate(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            """Compute the components of the acceleration [m/s2] from those of the position [m]."""
-            square = x * x + y * y + z * z
+        def accelerate(time_s: float | np.ndarray, r: np.ndarray) -> np.ndarray:
+            square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
             radius = np.sqrt(square)
-            pull = -GM / (square * radius)
-            more = _zonal_acceleration(zonals, (x, y, z), radius, pole) if zonals else (0.0, 0.0, 0.0)
-            return pull * x + more[0], pull * y + more[1], pull * z + more[2]
+            pull: np.ndarray = -GM / (square * radius) * r
+            return pull + np.stack(_zonal_acceleration(zonals, r, radius, pole)) if zonals else pull
 
         return accelerate
 
-    def light_phase(self, start_utc: datetime.datetime) -> Callable[[float, Vector3], int] | None:
-        """Return a function of time [s] and position [m] that changes at the edges of the shadow; None without sunlight.
+    def phase(self, start_utc: datetime.datetime) -> Callable[[float, Vector3], tuple[int, int]] | None:
+        """Return a function of time [s] and position [m] that changes where forces jump: at edges of the shadow, and
+        where the atmosphere's data begin anew. None where there are no such instants.
 
         Parameters
         ----------
         start_utc : start of the run
         """
-        if self.radiation_pressure is None:
+        sky = _find_almanac(start_utc, sun=self.radiation_pressure is not None, moon=self.moon)
+        interval = None if self.drag is None else self.drag.atmosphere.interval_along(sky)
+        if self.radiation_pressure is None and interval is None:
             return None
-        return functools.partial(_light_phase, _find_almanac(start_utc, sun=True, moon=self.moon))
+        lit = self.radiation_pressure is not None
+        return lambda t, r: (_light_phase(sky, t, r) if lit else 0, interval(t) if interval else 0)
 
     def field(self, start_utc: datetime.datetime) -> ForceField:
         """Return the acceleration as a function for an integrator.
@@ -169,12 +169,14 @@ class Forces(Part):
         -------
         function of seconds since the start, position [m] and velocity [m/s]
             its first value is the acceleration [m/s2]; its second is the magnitude [m/s2] of the forces with
-            discontinuities: drag (rows of its table) and sunlight (shadow)
+            discontinuities: drag in rows of a table, and sunlight (shadow)
         """
-        pressure = self.radiation_pressure
+        pressure, drag = self.radiation_pressure, self.drag
         sky = _find_almanac(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
-        zonals, drag = _ZONALS[: max(self.zonal_degree - 1, 0)], self.drag
+        zonals = _ZONALS[: max(self.zonal_degree - 1, 0)] if self.gravity is None else ()
+        gm, perturb = (GM, None) if self.gravity is None else _perturb_earth_fixed(self.gravity, start_utc)
         needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
+        density = drag.atmosphere.density_along(sky) if drag else None
 
         def acceleration(t: float, r: Vector3, v: Vector3) -> tuple[Vector3, float]:
             """Return the acceleration [m/s2] of a body, and the magnitude of its discontinuous part [m/s2].
@@ -187,17 +189,19 @@ class Forces(Part):
             """
             x, y, z = r
             radius = max(math.sqrt(x * x + y * y + z * z), _CORE_M)
-            pull = -GM / (radius * radius * radius)
+            pull = -gm / (radius * radius * radius)
             total = (pull * x, pull * y, pull * z)
+            if perturb is not None and radius > _CORE_M:
+                total = _add(total, perturb(t, r))
             if not needs_sky:
                 return total, 0.0
             rough = 0.0
             pole, sun, moon = sky(t)
             if zonals:
                 total = _add(total, _zonal_acceleration(zonals, r, radius, pole))
-            if drag:
-                push = _drag_acceleration(drag, r, radius, v, pole)
-                total, rough = _add(total, push), math.hypot(*push)
+            if drag and density:
+                push = _drag_acceleration(drag, density(t, r), r, v, pole)
+                total, rough = _add(total, push), math.hypot(*push) if drag.atmosphere.has_rows else 0.0
             if pressure:
                 push = _sunlight_acceleration(pressure, r, radius, sun)
                 total, rough = _add(total, push), rough + math.hypot(*push)
@@ -219,13 +223,36 @@ def _light_phase(sky: Almanac, time_s: float, r: Vector3) -> int:
 _find_almanac = functools.lru_cache(maxsize=8)(Almanac)  # a flight with guidance integrates hundreds of arcs of one run
 
 
-def air_density_kg_m3(height_m: float) -> float:
-    """Return the density of Vallado's mean exponential atmosphere (4th ed. table 8-4) [kg/m3], zero above 2500 km."""
-    height_km = height_m / units.KM
-    if height_km > 2500.0:
-        return 0.0
-    floor_km, density, scale_km = _AIR[max(bisect_right(_FLOORS_KM, height_km) - 1, 0)]
-    return density * math.exp(-(max(height_km, 0.0) - floor_km) / scale_km)
+def _perturb_earth_fixed(gravity: Gravity, start_utc: datetime.datetime) -> tuple[float, Attraction]:
+    """Return GM [m3/s2] and the acceleration by harmonics [m/s2] as a function of time [s] and position [m]."""
+    harmonics = gravity.load_harmonics()
+    axes = find_earth_fixed_axes(start_utc, gravity.load_orientation())
+
+    def perturb(time_s: float, r: Vector3) -> Vector3:
+        x, y, z = axes(time_s)
+        a, b, c = harmonics.perturb(
+            x[0] * r[0] + x[1] * r[1] + x[2] * r[2],
+            y[0] * r[0] + y[1] * r[1] + y[2] * r[2],
+            z[0] * r[0] + z[1] * r[1] + z[2] * r[2],
+        )
+        return a * x[0] + b * y[0] + c * z[0], a * x[1] + b * y[1] + c * z[1], a * x[2] + b * y[2] + c * z[2]
+
+    return harmonics.gm, perturb
+
+
+def _attract_points(gravity: Gravity, start_utc: datetime.datetime) -> Callable[..., np.ndarray]:
+    """Return the attraction as in `Forces.attraction`, by harmonics that turn with the Earth."""
+    harmonics = gravity.load_harmonics()
+    axes = find_earth_fixed_axes(start_utc, gravity.load_orientation())
+
+    def accelerate(time_s: float | np.ndarray, r: np.ndarray) -> np.ndarray:
+        turn = np.array([axes(t) for t in np.ravel(time_s).tolist()])  # (1 or point, 3, 3)
+        fixed = np.einsum("pij,jp->pi", np.broadcast_to(turn, (r.shape[1], 3, 3)), r)
+        more = np.einsum("pij,pi->jp", np.broadcast_to(turn, (r.shape[1], 3, 3)), harmonics.perturb_points(fixed))
+        pulled: np.ndarray = more - harmonics.gm * r / np.sqrt((r * r).sum(axis=0)) ** 3
+        return pulled
+
+    return accelerate
 
 
 def _zonal_acceleration(zonals: tuple[float, ...], r: Any, radius: Any, pole: Vector3) -> Any:
@@ -258,18 +285,15 @@ def _zonal_acceleration(zonals: tuple[float, ...], r: Any, radius: Any, pole: Ve
     return out * r[0] + up * pole[0], out * r[1] + up * pole[1], out * r[2] + up * pole[2]
 
 
-def _drag_acceleration(drag: Drag, r: Vector3, radius: float, v: Vector3, pole: Vector3) -> Vector3:
+def _drag_acceleration(drag: Drag, density: float, r: Vector3, v: Vector3, pole: Vector3) -> Vector3:
     """Return the acceleration by drag [m/s2].
-
-    The altitude above the ellipsoid is of first order in the flattening, within 50 m (Vallado eq. 8-28).
 
     Parameters
     ----------
-    r, radius, v : position [m], its length, and velocity [m/s]
+    density : of the air [kg/m3]
+    r, v : position [m] and velocity [m/s]
     pole : unit vector along the Earth's axis
     """
-    s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
-    density = air_density_kg_m3(radius - units.EARTH_RADIUS_M * (1.0 - units.EARTH_FLATTENING * s * s))
     if density == 0.0:
         return 0.0, 0.0, 0.0
     w = units.EARTH_ROTATION_RAD_S

@@ -8,7 +8,7 @@ where the right-hand side is not smooth.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from operator import itemgetter
 from threading import RLock
 from typing import Any
@@ -19,7 +19,7 @@ from rso_lidar.errors import PropagationError
 
 Derivative = Callable[[float, np.ndarray], np.ndarray]
 Jump = tuple[float, Callable[[np.ndarray], np.ndarray]]
-Phase = Callable[[float, np.ndarray], int]
+Phase = Callable[[float, np.ndarray], Hashable]
 _MOST_STEPS = 200_000  # some 400 days of a low orbit, half a gigabyte
 _NEAR_S = 1e-9  # breaks closer together than this count as one
 _EDGE_S = 1e-6  # a change of phase this close to the end of a step is at its end
@@ -43,7 +43,7 @@ class OdeSolution:
     rtol, atol : tolerances of a step, relative and absolute (one number, or one for each entry of x)
     jumps : ``(time_s, jump)`` at which x becomes ``jump(x)``; time_s > 0
     breaks : further instants [s] at which f is not smooth, such as the start of a burn
-    phase : ``phase(t, x (n,))`` is a number that changes where f is not smooth, such as at the edge of a shadow; a step
+    phase : ``phase(t, x (n,))`` is a value that changes where f is not smooth, such as at the edge of a shadow; a step
         ends at each change. The estimate of a step's error can miss such an edge by chance
     name : what errors call the integration
     """

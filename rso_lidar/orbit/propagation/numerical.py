@@ -133,11 +133,8 @@ class Numerical(Part):
         start_utc : start of the run; not used
         """
         forces, count = self.forces, len(self.maneuvers)
-        zonals = (
-            f"J2 to J{forces.zonal_degree}" if forces.zonal_degree > 2 else "J2" if forces.zonal_degree else "a point"
-        )
         others = [name for name in ("drag", "radiation_pressure", "sun", "moon") if getattr(forces, name)]
-        words = [zonals, *(name.replace("_", " ") for name in others)]
+        words = [forces.describe_gravity() or "a point", *(name.replace("_", " ") for name in others)]
         if count:
             words.append(f"{count} maneuver{'s' * (count > 1)} of {self.delta_v_m_s:.4g} m/s")
         return f"{self.type} from {self.initial.type}; {', '.join(words)}"
@@ -192,7 +189,7 @@ class IntegratedOrbit:
         chief: IntegratedOrbit | None = None,
         begin_s: float = 0.0,
     ) -> None:
-        field, light = forces.field(start_utc), forces.light_phase(start_utc)
+        field, piece = forces.field(start_utc), forces.phase(start_utc)
         self._begin_s, self._chief = begin_s, chief
         # No orbit lasts in the air below 100 km, and re-entry is so stiff that its integration would take minutes.
         self._floor_m = 100.0 * units.KM if forces.drag is not None else 0.0
@@ -239,7 +236,7 @@ class IntegratedOrbit:
             atol=np.array([1e-6] * 3 + [1e-9] * 3 + [1e-11] + [1.0] * len(burns)),
             jumps=jumps,
             breaks=[edge_s - begin_s for burn in burns for edge_s in burn.edges_s],
-            phase=None if light is None else lambda t, x: light(t + begin_s, tuple(x[:3].tolist())),
+            phase=None if piece is None else lambda t, x: piece(t + begin_s, tuple(x[:3].tolist())),
             name="numerical",
         )
 

@@ -34,11 +34,15 @@ class Almanac:
     """
 
     def __init__(self, start_utc: datetime.datetime, *, sun: bool, moon: bool) -> None:
-        self._start, self._sun, self._moon = start_utc, sun, moon
+        self.start_utc, self._sun, self._moon = start_utc, sun, moon
         self._days: dict[int, list[list[float]]] = {}
+        self._last = (math.nan, (_NOWHERE, _NOWHERE, _NOWHERE))  # forces at one instant each request it
 
     def __call__(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
         """Return the pole (unit vector), the Sun [m] and the Moon [m] in GCRS axes, `time_s` seconds after the start."""
+        last_s, last = self._last
+        if time_s == last_s:
+            return last
         u = time_s / _STEP_S
         step = math.floor(u)
         day, row = divmod(step, _DAY)
@@ -54,11 +58,13 @@ class Almanac:
         ]
         sun = (values[3], values[4], values[5]) if self._sun else _NOWHERE
         moon = (values[-3], values[-2], values[-1]) if self._moon else _NOWHERE
-        return (values[0], values[1], values[2]), sun, moon
+        bodies = ((values[0], values[1], values[2]), sun, moon)
+        self._last = (time_s, bodies)
+        return bodies
 
     def _tabulate(self, day: int) -> list[list[float]]:
         times = _STEP_S * (day * _DAY + np.arange(-1, _DAY + 2))
-        epochs = Epochs(self._start, times)
+        epochs = Epochs(self.start_utc, times)
         columns = [pole_direction(epochs)]
         if self._sun:
             columns.append(sun_position_m(epochs))

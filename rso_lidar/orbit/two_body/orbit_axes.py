@@ -1,9 +1,13 @@
-"""The rotating axes of an orbit: rtn, and those that other conventions make of it.
+"""The axes of an orbit, rtn and those that other conventions make of it, and states in them.
+
+A velocity is relative to the inertial axes and only given along those of the orbit, or relative to the rotating ones: then
+inertial v = R (v' + omega x r'). The matrices (6, 6) here are the derivatives of one by the other, as covariances need them.
 
 - `rtn`: x radially outward, z along r x v, y = z x x (along-track).
 - `lvlh_ccsds`: z to nadir, y along -(r x v), x = y x z.
 - `vnc`: x along the velocity, y along r x v, z = x x y (outward on a circle).
 - `ntw`: y along the velocity, z along r x v, x = y x z (outward on a circle).
+- `tnw`: x along the velocity, z along r x v, y = z x x (inward on a circle; CCSDS 502.0-B-3, 3.2.4.11).
 """
 
 from __future__ import annotations
@@ -13,12 +17,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from rso_lidar.pose import cross, dot
+from rso_lidar import units
+from rso_lidar.pose import cross, dot, skew
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-OrbitAxes = Literal["rtn", "lvlh_ccsds", "vnc", "ntw"]
+OrbitAxes = Literal["rtn", "lvlh_ccsds", "vnc", "ntw", "tnw"]
 
 
 def rtn_axes(
@@ -98,4 +103,80 @@ def orbit_axes_matrix(axes: OrbitAxes, position_m: np.ndarray, velocity_m_s: np.
     forward = velocity / np.sqrt(dot(velocity, velocity))[..., None]
     if axes == "vnc":
         return np.stack([forward, normal, cross(forward, normal)], axis=-1)
-    return np.stack([cross(forward, normal), forward, normal], axis=-1)
+    outward = cross(forward, normal)
+    return np.stack([forward, -outward, normal] if axes == "tnw" else [outward, forward, normal], axis=-1)
+
+
+def orbit_axes_rate(axes: OrbitAxes, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
+    """Return the angular velocity (…, 3) [rad/s] of orbital axes by two-body motion, in those axes.
+
+    The plane does not turn. The radius turns by |r x v| / |r|^2, and the velocity by |v x a| / |v|^2 with a = -GM r / |r|^3.
+    """
+    r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
+    h = cross(r, v)
+    momentum, square = np.sqrt(dot(h, h)), dot(r, r)
+    along_radius = axes == "rtn" or axes == "lvlh_ccsds"
+    rate = momentum / square if along_radius else units.EARTH_GM_M3_S2 * momentum / (square**1.5 * dot(v, v))
+    omega = np.zeros_like(r)
+    if axes == "lvlh_ccsds":  # y is against r x v
+        omega[..., 1] = -rate
+    else:
+        omega[..., 1 if axes == "vnc" else 2] = rate
+    return omega
+
+
+def state_matrix(inertial_from_axes: np.ndarray, turn_rad_s: np.ndarray | None = None) -> np.ndarray:
+    """Return the matrix that takes positions and velocities in axes to those in inertial axes.
+
+    Parameters
+    ----------
+    inertial_from_axes : (…, 3, 3) rotation
+    turn_rad_s : (…, 3) angular velocity of the axes, in those axes, to which velocities are relative [rad/s]; None for
+        velocities relative to inertial axes, given along these
+
+    Returns
+    -------
+    (…, 6, 6)
+        a covariance turns as M P M^T
+    """
+    matrix = np.zeros((*inertial_from_axes.shape[:-2], 6, 6))
+    matrix[..., :3, :3] = matrix[..., 3:, 3:] = inertial_from_axes
+    if turn_rad_s is not None:
+        matrix[..., 3:, :3] = inertial_from_axes @ skew(turn_rad_s)
+    return matrix
+
+
+def invert_state_matrix(matrix: np.ndarray) -> np.ndarray:
+    """Return the inverse of matrices (…, 6, 6) of `state_matrix`, which take inertial states to those in axes.
+
+    Parameters
+    ----------
+    matrix : (…, 6, 6)
+
+    Returns
+    -------
+    (…, 6, 6)
+    """
+    back = np.swapaxes(matrix[..., :3, :3], -1, -2)
+    inverse = state_matrix(back)
+    inverse[..., 3:, :3] = -back @ matrix[..., 3:, :3] @ back
+    return inverse
+
+
+def orbit_state_matrix(
+    axes: OrbitAxes, position_m: np.ndarray, velocity_m_s: np.ndarray, *, rotating: bool = False
+) -> np.ndarray:
+    """Return the matrix that takes positions and velocities along orbital axes to those in inertial axes.
+
+    Parameters
+    ----------
+    axes : "rtn", "lvlh_ccsds", "vnc", "ntw" or "tnw"
+    position_m, velocity_m_s : (…, 3) inertial state of the orbit [m], [m/s]
+    rotating : whether velocities are relative to the axes as they turn by two-body motion, rather than to inertial axes
+
+    Returns
+    -------
+    (…, 6, 6)
+    """
+    turn = orbit_axes_rate(axes, position_m, velocity_m_s) if rotating else None
+    return state_matrix(orbit_axes_matrix(axes, position_m, velocity_m_s), turn)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,15 +21,17 @@ from rso_lidar.picture.selection.sequence import (
     pixel_rad,
     target_ranges_m,
 )
-from rso_lidar.picture.style.figures import SMALL_PT, TEXT_PT, new_figure, use_minus_sign
+from rso_lidar.picture.style.figures import PAGE_DPI, SMALL_PT, TEXT_PT, new_figure, use_minus_sign
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.style.palette import LIGHT, QUIET, Scheme
+from rso_lidar.picture.style.recolour import recolour
 from rso_lidar.records import Frame
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL import Image
 
-WIDTH_IN = 10.6
+WIDTH_IN = 11.6
 LETTERS = 156  # letters in a line of small print
 MOST_TARGETS = 3  # most targets whose geometry is described
 
@@ -48,6 +51,27 @@ def save_frame(frame: Frame, path: str | Path, scheme: Scheme = LIGHT) -> Path:
     """
     place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     return save_figure(frame_figure(frame), place, scheme=scheme)
+
+
+def draw(frame: Frame, scheme: Scheme = LIGHT) -> Image.Image:
+    """Draw `frame_figure(frame)` as an image, which a notebook shows; `.show()` opens it, `.save(path)` writes it.
+
+    Parameters
+    ----------
+    frame : to be drawn
+    scheme : `LIGHT` or `DARK`
+
+    Returns
+    -------
+    PIL.Image.Image
+    """
+    from PIL import Image
+
+    figure = frame_figure(frame)
+    recolour(figure, scheme)
+    with io.BytesIO() as held:
+        figure.savefig(held, format="png", dpi=PAGE_DPI)
+        return Image.open(held).convert("RGB")
 
 
 def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.orbit import Epochs, Forces, IntegratedOrbit, rtn_matrix
+from rso_lidar.orbit import Epochs, Forces, IntegratedOrbit, rtn_matrix, state_matrix
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.flown.held_thrust import HeldThrust, HeldThrustErrors
 from rso_lidar.rpo.flown.thrusters import HELD_LEGS, MEASUREMENTS, Thrusters, make_generator
@@ -79,10 +79,7 @@ class FilteredFlight:
         self._part, self._held, self._reference, self._forces = part, held, reference, forces
         self._thrusters, self._seed = thrusters, seed
         axes, turn = self._find_axes(np.zeros(1))
-        x, y, z = turn[0]
-        root = np.kron(np.eye(2), axes[0]) * part.start_sigma
-        crossed = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        root[3:, :3] = axes[0] @ crossed * part.start_sigma[:3]
+        root = state_matrix(axes[0], turn[0]) * part.start_sigma
         numbers = make_generator(seed, MEASUREMENTS, 0).standard_normal((ORBIT_STATES, 1))
         errors = thrusters.magnitude_sigma_fraction > 0.0 or thrusters.pointing_sigma_deg > 0.0
         self._has_thrust = bool(held) and errors

@@ -203,7 +203,9 @@ class Flown(RtnMotion):
         flight = self.fly(epochs.start_utc, chief)
         own, around = flight.settings.forces, flight.reference.forces
         lines = []
-        unlike = [name for name in ("zonal_degree", "sun", "moon") if getattr(own, name) != getattr(around, name)]
+        unlike = [
+            name for name in ("zonal_degree", "gravity", "sun", "moon") if getattr(own, name) != getattr(around, name)
+        ]
         if unlike:
             lines.append(
                 f"flown: gravity differs between craft and '{self.relative_to}' ({', '.join(unlike)}), which moves them "

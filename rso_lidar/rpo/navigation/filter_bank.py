@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rso_lidar.orbit import invert_state_matrix, state_matrix
 from rso_lidar.rpo.navigation.navigation_sensors import NavigationCamera, NavigationLidar
 
 ORBIT_STATES = 6  # states of position and velocity
@@ -159,9 +160,7 @@ class FilterBank:
         axes : (3, 3) the axes, as columns in inertial axes
         turn_rad_s : (3,) their angular velocity, in these axes [rad/s]
         """
-        x, y, z = turn_rad_s
-        whole = np.kron(np.eye(2), axes.T)
-        whole[3:, :3] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ axes.T
+        whole = invert_state_matrix(state_matrix(axes, turn_rad_s))
         once = apply_matrix(whole, self.covariance[:ORBIT_STATES, :ORBIT_STATES])
         covariance: np.ndarray = apply_matrix(whole, once.transpose(1, 0, 2)).transpose(2, 0, 1)
         return covariance

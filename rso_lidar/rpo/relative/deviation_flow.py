@@ -30,7 +30,7 @@ class DeviationFlow:
     ----------
     node_s : (node,) ascending instants [s since `start_utc`]
     reference : function of instants (time,) [s] that returns the reference position (time, 3) [m], inertial axes
-    forces : whose zonal harmonics act
+    forces : whose gravity of the Earth acts: zonal harmonics about the pole of the start, or `gravity`, which turns with it
     start_utc : start of the run
     """
 
@@ -49,9 +49,9 @@ class DeviationFlow:
         ]
         self._begins = np.cumsum([0, *(len(instants_s) for instants_s in stages)])
         self.stage_s = np.concatenate([*stages, node_s[-1:]])
-        self._gravity = forces.gravity(start_utc)
+        self._attract = forces.attraction(start_utc)
         self._reference = reference(self.stage_s)
-        self._along = np.stack(self._gravity(*self._reference.T), axis=1)
+        self._along = self._attract(self.stage_s, self._reference.T).T
 
     def advance(self, node: int, state: np.ndarray, push: Push | None = None) -> np.ndarray:
         """Return deviations (6, n) at the next node.
@@ -99,7 +99,6 @@ class DeviationFlow:
         d : (3, n) deviations of position [m]
         push : as in `advance`
         """
-        here = self._reference[stage]
-        pulled = self._gravity(here[0] + d[0], here[1] + d[1], here[2] + d[2])
-        acceleration: np.ndarray = np.stack(pulled) - self._along[stage][:, None]
+        pulled = self._attract(self.stage_s[stage], self._reference[stage][:, None] + d)
+        acceleration: np.ndarray = pulled - self._along[stage][:, None]
         return acceleration if push is None else acceleration + push(stage)

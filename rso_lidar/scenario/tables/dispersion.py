@@ -8,18 +8,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.errors import warn
-from rso_lidar.part import NotNegative, Number, Part, Positive, Text, Vector, Whole
+from rso_lidar.orbit import LOST_M, LOST_M_S, PRECISE_M, PRECISE_M_S
+from rso_lidar.part import Flag, NotNegative, Number, Part, Positive, Text, Vector, Whole
 from rso_lidar.rpo import AnyNavigation, Thrusters
 
 Row = tuple[Number, Number, Number, Number, Number, Number]
 _ROUNDING = 1e-9  # relative, to which a covariance may be asymmetric or negative
+_JOINT = 1e-6  # likewise, of that of both bodies, whose terms may come from files of few digits
 MOST_ATTITUDE_DEG = 30.0
-# 10 m/s of speed are 3 v T = 170 km along the track after one low revolution, and go with 10 km of position (v = n r). Sets
-# that catalogues publish are known to some km and m/s; what is worse is lost, and nothing flies to it.
-_MOST_M, _MOST_M_S = 100_000.0, 10.0
-# Precise orbits are known to 1 to 2 cm and 10 um/s (GRACE: Kang et al., J. Geodesy 80 (2006) 322), relative ones to 1 mm by
-# carrier phases in processing afterwards: no start of a flight is known to less than both of these.
-_LEAST_M, _LEAST_M_S = 0.1, 1e-4
 
 
 class ElementSetErrors(Part):
@@ -46,6 +42,63 @@ class ElementSetErrors(Part):
         return self
 
 
+class CovarianceErrors(Part):
+    """Covariance of an object's state from a CCSDS message or a fit, or by its terms, in any named axes.
+
+    An OEM has covariances over time, of which the one at `start_utc` is used; an OPM and a CDM have one at their epoch. See
+    `rl.orbit.read_covariances`.
+    """
+
+    type: Literal["covariance"] = "covariance"
+    file: Text | None = Field(
+        default=None, description="Path of an OEM, OPM or CDM (KVN or XML); exactly one of this and `matrix`."
+    )
+    object: Text | None = Field(
+        default=None,
+        description="Name or identifier of the object, of a CDM also OBJECT1 or OBJECT2, where the file has several.",
+    )
+    propagate: Flag = Field(
+        default=False,
+        description=(
+            "Whether a covariance of another epoch than `start_utc`, before the first or after the last of the file, is "
+            "propagated by two-body motion without process noise, which understates it. If false, that is an error."
+        ),
+    )
+    earth_orientation_file: Text | None = Field(
+        default=None, description="Path of the IERS file finals2000A.all, for a file in ITRF."
+    )
+    matrix: tuple[Row, Row, Row, Row, Row, Row] | None = Field(
+        default=None, description="The covariance at `start_utc` by its terms [m², m²/s, m²/s²], in place of a file."
+    )
+    axes: Literal["rtn", "tnw", "ntw", "vnc", "lvlh_ccsds", "gcrs", "eme2000", "mod", "tod", "teme", "itrs"] = Field(
+        default="rtn", description="Axes of `matrix`: of the body's own orbit, or of the Earth."
+    )
+    rotating: Flag = Field(
+        default=False,
+        description=(
+            "Whether the velocities of `matrix` are relative to axes of the orbit as they turn, rather than to inertial "
+            "axes."
+        ),
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.file is None) == (self.matrix is None):
+            raise ValueError("needs exactly one of file and matrix; give one of them")
+        if self.matrix is None:
+            if self.axes != "rtn" or self.rotating:
+                raise ValueError("axes, rotating: are those of matrix; a file states its own, so leave them out")
+            return self
+        stated = [key for key in ("object", "propagate", "earth_orientation_file") if getattr(self, key)]
+        if stated:
+            raise ValueError(f"{stated[0]}: goes with file, not with matrix; leave it out")
+        check_covariance(np.array(self.matrix), "matrix")
+        return self
+
+
+OtherStart = Annotated[ElementSetErrors | CovarianceErrors, Field(discriminator="type")]
+
+
 class StateErrors(Part):
     """Base of errors of a state at `start_utc`: standard deviations, a covariance, or the errors of element sets."""
 
@@ -64,9 +117,12 @@ class StateErrors(Part):
             "axes [m², m²/s, m²/s²]."
         ),
     )
-    start: ElementSetErrors | None = Field(
+    start: OtherStart | None = Field(
         default=None,
-        description="Errors of element sets of a file, by their type, in place of the standard deviations and `covariance`.",
+        description=(
+            "Errors that a file states, by their type, in place of the standard deviations and `covariance`: those of its "
+            "element sets, or a covariance."
+        ),
     )
 
     @model_validator(mode="after")
@@ -82,13 +138,7 @@ class StateErrors(Part):
             return self
         if any(self.position_sigma_m) or any(self.velocity_sigma_m_s):
             raise ValueError("covariance: stands in place of position_sigma_m and velocity_sigma_m_s; leave these out")
-        matrix = np.array(self.covariance)
-        scale = np.sqrt(np.abs(np.diag(matrix)))
-        unit = matrix / np.where(np.outer(scale, scale) > 0.0, np.outer(scale, scale), 1.0)
-        if np.abs(unit - unit.T).max() > _ROUNDING:
-            raise ValueError("covariance: is not symmetric; give the same number on both sides of the diagonal")
-        if np.linalg.eigvalsh(unit).min() < -_ROUNDING * 6 or np.abs(matrix[scale == 0.0]).max(initial=0.0) > 0.0:
-            raise ValueError("covariance: is not positive semidefinite, so it is no covariance; correct it")
+        check_covariance(np.array(self.covariance), "covariance")
         self._warn_of_units("covariance", "covariance")
         return self
 
@@ -96,17 +146,17 @@ class StateErrors(Part):
         """Warn of standard deviations that no mission has, which look like another unit."""
         sigma = np.sqrt(np.diag(self.start_covariance))
         place_m, speed_m_s = float(sigma[:3].max()), float(sigma[3:].max())
-        if speed_m_s > _MOST_M_S:
+        if speed_m_s > LOST_M_S:
             warn(
-                f"{velocity}: a sigma of {speed_m_s:g} m/s is more than the {_MOST_M_S:g} m/s of a lost object; as "
+                f"{velocity}: a sigma of {speed_m_s:g} m/s is more than the {LOST_M_S:g} m/s of a lost object; as "
                 f"mm/s it would be {speed_m_s / 1000.0:g} m/s; give m/s"
             )
-        if place_m > _MOST_M:
+        if place_m > LOST_M:
             warn(
-                f"{position}: a sigma of {place_m:g} m is more than the {_MOST_M:g} m of a lost object; as mm "
+                f"{position}: a sigma of {place_m:g} m is more than the {LOST_M:g} m of a lost object; as mm "
                 f"it would be {place_m / 1000.0:g} m; give m"
             )
-        if self.covariance is not None and 0.0 < place_m < _LEAST_M and 0.0 < speed_m_s < _LEAST_M_S:
+        if self.covariance is not None and 0.0 < place_m < PRECISE_M and 0.0 < speed_m_s < PRECISE_M_S:
             warn(
                 f"covariance: sigmas of {place_m:g} m and {speed_m_s:g} m/s are less than those of precise "
                 f"orbits; as km², km²/s and km²/s² they would be {1000.0 * place_m:g} m and {1000.0 * speed_m_s:g} m/s: "
@@ -120,6 +170,16 @@ class StateErrors(Part):
             return np.array(self.covariance)
         covariance: np.ndarray = np.diag(np.square((*self.position_sigma_m, *self.velocity_sigma_m_s)))
         return covariance
+
+
+def check_covariance(matrix: np.ndarray, key: str) -> None:
+    """Check that a matrix (n, n) is a covariance to the rounding of its digits, or raise `ValueError`."""
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    unit = matrix / np.where(np.outer(scale, scale) > 0.0, np.outer(scale, scale), 1.0)
+    if np.abs(unit - unit.T).max() > _ROUNDING:
+        raise ValueError(f"{key}: is not symmetric; give the same number on both sides of the diagonal")
+    if np.linalg.eigvalsh(unit).min() < -_ROUNDING * len(matrix) or np.abs(matrix[scale == 0.0]).max(initial=0.0) > 0.0:
+        raise ValueError(f"{key}: is not positive semidefinite, so it is no covariance; correct it")
 
 
 class TargetErrors(StateErrors):
@@ -163,7 +223,22 @@ class Dispersion(StateErrors):
 
     target: TargetErrors | None = Field(
         default=None,
-        description="Errors of the target's own orbit and attitude, independent of those of the follower; none if omitted.",
+        description="Errors of the target's own orbit and attitude; none if omitted.",
+    )
+    relative_to_target: Flag = Field(
+        default=False,
+        description=(
+            "Whether the errors of the start are those of the state relative to the target, as a fit of ranges and "
+            "directions states them. The target's own errors then move both bodies. If false, they are those of the follower's own "
+            "state."
+        ),
+    )
+    cross_covariance: tuple[Row, Row, Row, Row, Row, Row] | None = Field(
+        default=None,
+        description=(
+            "Covariance at `start_utc` of the follower's position and velocity (rows) with the target's (columns), both in "
+            "the rotating rtn axes of the target [m², m²/s, m²/s²]. If omitted, the errors of the two are independent."
+        ),
     )
     thrusters: Thrusters | None = Field(
         default=None, description="Errors of burns. If omitted, those of the `flown` motion, else none."
@@ -192,3 +267,24 @@ class Dispersion(StateErrors):
             "that origin that holds the target's model."
         ),
     )
+
+    @model_validator(mode="after")
+    def _is_joint(self) -> Self:
+        if self.cross_covariance is None:
+            return self
+        if self.relative_to_target:
+            raise ValueError("cross_covariance: relative_to_target states how errors are shared, too; give one of them")
+        if self.target is None:
+            raise ValueError("cross_covariance: is with errors of the target, which has none; add them as target")
+        if self.start is None and self.target.start is None:  # else it is checked when the files have been read
+            cross = np.array(self.cross_covariance)
+            own, other = self.start_covariance, self.target.start_covariance
+            scale = np.sqrt(np.concatenate([np.diag(own), np.diag(other)]))
+            joint = np.block([[own, cross], [cross.T, other]])
+            unit = joint / np.where(np.outer(scale, scale) > 0.0, np.outer(scale, scale), 1.0)
+            if np.linalg.eigvalsh(unit).min() < -_JOINT or np.abs(joint[scale == 0.0]).max(initial=0.0) > 0.0:
+                raise ValueError(
+                    "cross_covariance: is more than the errors of follower and target allow, so that both together have no "
+                    "distribution; correct its terms"
+                )
+        return self

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar.orbit import Epochs
+from rso_lidar.orbit import Epochs, invert_state_matrix, state_matrix
 from rso_lidar.rpo import (
     ORBIT_STATES,
     THRUST_STATES,
@@ -32,6 +32,7 @@ class DispersedFlight:
     sample_s : (time,) ascending instants at which deviations are wanted [s]
     covariance : (6, 6) of the state at the start in the rotating rtn axes [m2, m2/s, m2/s2]
     target_covariance : the same of the body approached, whose path then deviates too; None for none
+    cross_covariance : (6, 6) of the state of the craft (rows) with that of the body approached; None for independent errors
     """
 
     def __init__(
@@ -40,6 +41,7 @@ class DispersedFlight:
         sample_s: np.ndarray,
         covariance: np.ndarray,
         target_covariance: np.ndarray | None = None,
+        cross_covariance: np.ndarray | None = None,
     ) -> None:
         self.flight, self.sample_s = flight, sample_s
         # A correction aims at an instant that may lie behind the last sample; the runs end there all the same.
@@ -49,15 +51,24 @@ class DispersedFlight:
         self.node_s = node_s[np.append(True, np.diff(node_s) > DeviationFlow.TIE_S)]
         self.flow = DeviationFlow(self.node_s, flight.craft_m, flight.forces, flight.start_utc)
         self.axes, self.turn_rad_s = flight.chief_axes(self.node_s)
+        self._from_rotating = state_matrix(self.axes, self.turn_rad_s)
+        self._from_inertial = invert_state_matrix(self._from_rotating)
         self.sample = np.array([self.find_node(at_s) for at_s in sample_s])
         self.burns = [self._sum_burns(node) for node in range(len(self.node_s))]
         self.last = int(self.sample[-1])
         self.updates = {self.find_node(update.time_s): self.find_node(update.aim_s) for update in due}
         self.root = find_root(covariance)
+        # what one sigma of each error of the body approached does to that body, and to the craft with it
         self.target_root: np.ndarray | None = None
+        self.shared_root: np.ndarray | None = None
         if target_covariance is not None:
             assert flight.chief_m is not None
-            self.target_root = self.to_inertial(0, find_root(target_covariance))
+            root = find_root(target_covariance)
+            self.target_root = self.to_inertial(0, root)
+            if cross_covariance is not None:
+                shared = cross_covariance @ np.linalg.pinv(root).T
+                self.shared_root = self.to_inertial(0, shared)
+                self.root = find_root(covariance - shared @ shared.T)
             self.target_flow = DeviationFlow(self.node_s, flight.chief_m, flight.forces, flight.start_utc)
         self.transition = [self.flow.transition(node) for node in range(len(self.node_s) - 1)]
         self.gains = {now: self._find_gain(now, aim) for now, aim in self.updates.items()}
@@ -98,16 +109,20 @@ class DispersedFlight:
         root = self.to_inertial(0, np.diag(self.filter.part.start_sigma))
         return FilterBank(state + apply_matrix(root, numbers), root @ root.T, has_thrust=self.filter_is_held)
 
-    def spread_target(self, numbers: np.ndarray) -> np.ndarray:
-        """Return deviations (6, run) of the body approached at the start, inertial axes.
+    def spread_start(self, numbers: np.ndarray, target_numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return deviations (6, run) at the start of the craft and of the body approached, inertial axes.
 
         Parameters
         ----------
-        numbers : (6, run) standard normal; without rows where it has no errors
+        numbers : (6, run) standard normal, of the craft alone
+        target_numbers : (6, run) standard normal, of the body approached; without rows where it has no errors
         """
+        state = self.to_inertial(0, apply_matrix(self.root, numbers))
         if self.target_root is None:
-            return np.zeros((ORBIT_STATES, numbers.shape[1]))
-        return apply_matrix(self.target_root, numbers)
+            return state, np.zeros((ORBIT_STATES, numbers.shape[1]))
+        if self.shared_root is not None:
+            state = state + apply_matrix(self.shared_root, target_numbers)
+        return state, apply_matrix(self.target_root, target_numbers)
 
     def carry_target(self, node: int, deviations: np.ndarray) -> np.ndarray:
         """Return deviations (6, run) of the body approached at the next node, inertial axes."""
@@ -159,16 +174,11 @@ class DispersedFlight:
 
     def to_inertial(self, node: int, rotating: np.ndarray) -> np.ndarray:
         """Return states (6, n) in inertial axes from those in the rotating rtn axes of a node."""
-        axes, turn = self.axes[node], self.turn_rad_s[node]
-        moved = rotating[3:] + np.cross(turn[:, None], rotating[:3], axis=0)
-        return np.concatenate([apply_matrix(axes, rotating[:3]), apply_matrix(axes, moved)])
+        return apply_matrix(self._from_rotating[node], rotating)
 
     def to_rotating(self, node: int, inertial: np.ndarray) -> np.ndarray:
         """Return states (6, n) in the rotating rtn axes of a node from those in inertial axes."""
-        axes, turn = self.axes[node], self.turn_rad_s[node]
-        position = apply_matrix(axes.T, inertial[:3])
-        velocity = apply_matrix(axes.T, inertial[3:]) - np.cross(turn[:, None], position, axis=0)
-        return np.concatenate([position, velocity])
+        return apply_matrix(self._from_inertial[node], inertial)
 
 
 def find_root(covariance: np.ndarray) -> np.ndarray:

@@ -88,8 +88,7 @@ class Disperser:
         at, n_runs = self.nodes, len(numbers)
         pieces = np.split(numbers.T, np.cumsum(self._list_counts())[:-1])
         drawn = iter(pieces)
-        state = at.to_inertial(0, apply_matrix(at.root, next(drawn)))
-        beside = at.spread_target(pieces[-1])  # deviations of the body approached
+        state, beside = at.spread_start(next(drawn), pieces[-1])  # of the craft, and of the body approached
         held, bank = next(drawn), None
         if at.filter is not None:
             bank = at.make_filters(state - beside, next(drawn))

@@ -13,7 +13,7 @@ from rso_lidar.errors import RunError
 from rso_lidar.files import read_arrays, write_atomically
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.dispersions.mission_disperser import Block
-from rso_lidar.study.dispersions.target_errors import resolve_element_sets
+from rso_lidar.study.dispersions.start_errors import resolve_start_errors
 
 _MOST_BYTES = 2**36  # of all finished runs, which the study holds in memory: 5 million runs of 600 samples
 
@@ -21,10 +21,10 @@ _MOST_BYTES = 2**36  # of all finished runs, which the study holds in memory: 5 
 def identify_runs(scenario: Scenario, target: str) -> str:
     """Return eight hex digits that identify the runs of a scenario: SHA-256 of it, of the target and of the version.
 
-    Covariances that element sets state are part of it, because the file of the sets may change.
+    Covariances that files state are part of it, because the files may change.
     """
     version = importlib.metadata.version("rso-lidar"), scenario.source.versions["arithmetic"]
-    resolved = resolve_element_sets(scenario, target)
+    resolved = resolve_start_errors(scenario, target)
     stated = () if resolved is scenario.dispersion else (repr(resolved),)
     return hashlib.sha256("\0".join((scenario.source.scenario, target, *version, *stated)).encode()).hexdigest()[:8]
 

@@ -110,8 +110,10 @@ def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
     if flight.target_root is not None:
         columns.widen(ORBIT_STATES, TARGET)
         columns.target[:, -ORBIT_STATES:] = flight.target_root
+        if flight.shared_root is not None:
+            columns.craft[:, -ORBIT_STATES:] = flight.shared_root
         if bank is not None:
-            columns.estimate[:ORBIT_STATES, -ORBIT_STATES:] = -flight.target_root
+            columns.estimate[:ORBIT_STATES, -ORBIT_STATES:] = columns.relative[:, -ORBIT_STATES:]
     if bank is not None:
         assert flight.filter is not None
         columns.widen(ORBIT_STATES, "navigation")

@@ -19,7 +19,8 @@ from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 from rso_lidar.study.dispersions.dispersed_paths import DispersedPaths, Disperser
 from rso_lidar.study.dispersions.nominal_flight import find_nominal_flight
 from rso_lidar.study.dispersions.outcomes import Sight, find_nearest_m, make_detection
-from rso_lidar.study.dispersions.target_errors import TargetAttitude, resolve_element_sets
+from rso_lidar.study.dispersions.start_errors import resolve_start_errors
+from rso_lidar.study.dispersions.target_errors import TargetAttitude
 
 BLOCK = 250  # runs that are flown together
 _MOST_SAMPLES = 600
@@ -38,7 +39,7 @@ class MissionDisperser:
 
     def __init__(self, scenario: Scenario, target: str) -> None:
         self.scenario, self.target = scenario, target
-        self.dispersion = resolve_element_sets(scenario, target)
+        self.dispersion = resolve_start_errors(scenario, target)
 
     def __getstate__(self) -> dict[str, Any]:
         return {"scenario": self.scenario, "target": self.target, "dispersion": self.dispersion}
@@ -69,9 +70,18 @@ class MissionDisperser:
                 thrusters=self.dispersion.thrusters or nominal.thrusters,
                 navigation=self.dispersion.navigation or nominal.navigation,
             )
-            errors = self.dispersion.target
-            beside = errors.start_covariance if errors is not None and np.any(errors.start_covariance) else None
-            return Disperser(DispersedFlight(nominal, self.sample_s, self.dispersion.start_covariance, beside))
+            return Disperser(DispersedFlight(nominal, self.sample_s, *self._find_covariances()))
+
+    def _find_covariances(self) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
+        """Return the covariances (6, 6) of the follower's start, of the target's, and of the one with the other."""
+        given, errors = self.dispersion, self.dispersion.target
+        own = given.start_covariance
+        if errors is None or not np.any(errors.start_covariance):
+            return own, None, None
+        beside = errors.start_covariance
+        if given.relative_to_target:  # follower = target + relative state, the two independent
+            return own + beside, beside, beside
+        return own, beside, None if given.cross_covariance is None else np.array(given.cross_covariance)
 
     @cached_property
     def attitude(self) -> TargetAttitude | None:

@@ -1,73 +1,12 @@
-"""Errors of a start that element sets state, and errors of the target's attitude."""
+"""Errors of the target's attitude."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import add_place, suppress_warnings
-from rso_lidar.mission_analysis import estimate_set_errors
-from rso_lidar.motion import Chief
-from rso_lidar.orbit import Catalog, Epochs, select_object
 from rso_lidar.pose import skew
-from rso_lidar.rpo import rtn_matrix
-from rso_lidar.scenario import Dispersion, ElementSetErrors, Scenario, StateErrors, TargetErrors
-
-
-def resolve_element_sets(scenario: Scenario, target: str) -> Dispersion:
-    """Return the dispersion of a scenario with the covariances that element sets state in place of their names.
-
-    Parameters
-    ----------
-    scenario : with the table `dispersion`
-    target : name of the target, in whose rtn axes covariances are
-
-    Raises
-    ------
-    ScenarioError, CatalogError
-        If a file has no such object, too few sets, or none of that age.
-    """
-    dispersion = scenario.dispersion or Dispersion()
-    changes: dict[str, object] = {}
-    if dispersion.start is not None:
-        changes |= _resolve(dispersion, scenario, target, "dispersion.start")
-    if dispersion.target is not None and dispersion.target.start is not None:
-        fields = _resolve(dispersion.target, scenario, target, "dispersion.target.start")
-        with suppress_warnings():  # about units: these numbers are computed
-            changes["target"] = dispersion.target.replace(**fields)
-    with suppress_warnings():
-        return dispersion.replace(**changes) if changes else dispersion
-
-
-def _resolve(errors: StateErrors, scenario: Scenario, target: str, place: str) -> dict[str, object]:
-    """Return the fields of errors of a state with a covariance in place of element sets."""
-    assert errors.start is not None
-    with scenario.locate_errors(place):
-        covariance = find_set_covariance(errors.start, scenario)
-    start = Chief(scenario.bodies, target).states(Epochs(scenario.time.start_utc, np.zeros(1)))
-    turn_rad_s = rtn_matrix(start.position_m, start.velocity_m_s)[1][0]
-    back = np.eye(6)  # velocities relative to the rotating axes: v - omega x r
-    back[3:, :3] = -skew(turn_rad_s)
-    rotating = back @ covariance @ back.T
-    rotating = 0.5 * (rotating + rotating.T)
-    return {"start": None, "covariance": tuple(map(tuple, rotating.tolist()))}
-
-
-def find_set_covariance(errors: ElementSetErrors, scenario: Scenario) -> np.ndarray:
-    """Return the covariance (6, 6) of inertial position and velocity along rtn axes [m2, m2/s, m2/s2].
-
-    Parameters
-    ----------
-    scenario : beside whose file that file lies, and whose start tells the age where none is given
-    """
-    catalog = Catalog.from_file(scenario.file(errors.file))
-    sets = select_object(catalog.sets, catalog.where, errors.name, errors.norad_id)
-    age_days = errors.age_days
-    if age_days is None:
-        at = Epochs(scenario.time.start_utc, np.zeros(1))
-        age_days = min(abs(float(at.since(element_set.epoch_utc)[0])) for element_set in sets) / units.DAY_S
-    with add_place(errors.file):
-        return estimate_set_errors(list(sets)).covariance_at(age_days)
+from rso_lidar.scenario import TargetErrors
 
 
 class TargetAttitude:

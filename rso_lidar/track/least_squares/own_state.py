@@ -187,10 +187,7 @@ def _find_start(time_s: np.ndarray, rows: np.ndarray, at_s: float) -> np.ndarray
 
 def describe_forces(forces: Forces | None) -> str:
     """Describe the forces on a body in a few words."""
-    if forces is None or not forces.zonal_degree:
-        words = ["two-body motion"]
-    else:
-        words = ["J2" if forces.zonal_degree == 2 else f"J2 to J{forces.zonal_degree}"]
+    words = [(forces and forces.describe_gravity()) or "two-body motion"]
     others = [name.replace("_", " ") for name in ("drag", "radiation_pressure", "sun", "moon")
               if forces is not None and getattr(forces, name)]  # fmt: skip
     return "forces: " + ", ".join([*words, *others])

@@ -269,7 +269,7 @@ def test_what_is_written_is_read_again(tmp_path, axes):
         ("MAN_DURATION = 132.60 [s]", "MAN_DURATION = 2 [min]", "MAN_DURATION in min; write it in s"),
         ("MAN_DELTA_MASS = -18.418", "MAN_DELTA_MASS = 18.418", "MAN_DELTA_MASS is 18.418; the standard sets"),
         ("MAN_REF_FRAME = EME2000", "MAN_REF_FRAME = ITRF", "MAN_REF_FRAME ITRF turns with the Earth; write RTN"),
-        ("MAN_REF_FRAME = EME2000", "MAN_REF_FRAME = LVLH", "frame LVLH is not supported; write RTN, TNW, GCRF"),
+        ("MAN_REF_FRAME = EME2000", "MAN_REF_FRAME = LVLH", "frame LVLH means two things; write LVLH_INERTIAL"),
         ("MAN_DV_2 = 0.01683160 [km/s]\n", "", "maneuver 1 lacks MAN_DV_2, which the standard requires; add it"),
         ("MAN_DV_2 = 0.01683160", "MAN_DV_1 = 0.01683160", "MAN_DV_1 is given twice; remove one"),
         ("MASS = 1913.000", "MASS = -1", "MASS is -1; give 0 to inf"),

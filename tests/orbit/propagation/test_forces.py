@@ -10,14 +10,15 @@ from scipy.integrate import quad
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit import Drag, Epochs, Forces, RadiationPressure, sun_position_m
+from rso_lidar.orbit.propagation.atmosphere import ExponentialAtmosphere, air_density_kg_m3
 from rso_lidar.orbit.propagation.forces import (
     _drag_acceleration,
     _sunlight_acceleration,
     _third_body_acceleration,
     _zonal_acceleration,
-    air_density_kg_m3,
 )
-from rso_lidar.orbit.sky.precession import pole_direction
+from rso_lidar.orbit.sky.almanac import Almanac
+from rso_lidar.orbit.sky.precession import equator_axes, pole_direction
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -57,9 +58,8 @@ def test_each_zonal_is_the_gradient_of_its_potential(degree):
 def test_drag_and_light_against_brahe():
     # brahe 1.8.0: accel_drag at 1e-12 kg/m3, axes as given; its rotation rate is 7.292115146706979e-5, ours to 2e-8 of that
     brahe = np.array([-8.722398547011429e-07, -1.8668240142634664e-06, -4.2597973603628864e-07])
-    height_m = RADIUS - units.EARTH_RADIUS_M * (1 - (R[2] / RADIUS) ** 2 / 298.257223563)
-    push = np.array(_drag_acceleration(Drag(area_m2=4.0, mass_kg=100.0), R, RADIUS, V, NORTH))
-    np.testing.assert_allclose(push / air_density_kg_m3(height_m) * 1e-12, brahe, rtol=1e-8)
+    push = np.array(_drag_acceleration(Drag(area_m2=4.0, mass_kg=100.0), 1e-12, R, V, NORTH))
+    np.testing.assert_allclose(push, brahe, rtol=1e-8)
     # brahe 1.8.0: accel_solar_radiation_pressure at -R with p0 = 1361 / c, in full light
     sun = (-1.4e11, 3e10, 1.3e10)
     brahe = np.array([2.4892693833228605e-07, -5.333770194482603e-08, -2.3122404467153933e-08])
@@ -124,6 +124,16 @@ def test_the_air_of_the_table_joins():
     # Vallado 4th ed. example 8-4: 747.2119 km gives 2.1219854e-14 kg/m3
     assert air_density_kg_m3(747_211.9) == pytest.approx(2.1219854e-14, rel=1e-4)
     assert air_density_kg_m3(0.0) == 1.225 and air_density_kg_m3(3e6) == 0.0
+
+
+def test_the_altitude_of_the_table_is_above_the_ellipsoid():
+    epochs = Epochs(START, np.array([5000.0]))
+    (pole,) = pole_direction(epochs)
+    (over,) = equator_axes(epochs)[:, 0]
+    density = ExponentialAtmosphere().density_along(Almanac(START, sun=False, moon=False))
+    for up, radius_m in ((pole, 6_356_752.314), (over, 6_378_137.0)):  # WGS84
+        got = density(5000.0, tuple((radius_m + 400e3) * up))
+        assert got == pytest.approx(3.725e-12, rel=1e-3)  # 50 m of a scale height of 58 km
 
 
 def test_acceleration_is_the_sum():

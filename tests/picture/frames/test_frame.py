@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
 
-from rso_lidar.picture import colour_parts, frame_figure, rank_parts, save_frame, summarize_frame
+from rso_lidar.picture import DARK, colour_parts, draw, frame_figure, rank_parts, save_frame, summarize_frame
 from rso_lidar.picture.frames.frame import _describe_geometry
 from rso_lidar.picture.frames.panels import _free_corner
 from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE
@@ -230,3 +230,29 @@ def test_one_glint_turns_nothing_black(handmade):
     image = panels(figure)["Intensity, logarithmic"].images[0]
     assert image.norm(100.0) < image.norm(1000.0) < image.norm(4000.0)
     assert image.norm(1000.0) > 0.5  # linear: 0.25
+
+
+def test_no_label_of_a_panel_is_cut_at_the_edge_of_the_figure(handmade):
+    """A legend of long names takes the width from which the panels get theirs."""
+    frame = handmade.make_frame(2600.0, 300.0)
+    parts = tuple(f"antenna_of_single_access_{k}_on_its_boom" for k in range(len(frame.source.targets[0].parts)))
+    source = dataclasses.replace(frame.source, targets=(dataclasses.replace(frame.source.targets[0], parts=parts),))
+    figure = frame_figure(dataclasses.replace(frame, source=source))
+    figure.draw_without_rendering()
+    page = figure.bbox
+    for axes in figure.axes:
+        box = axes.get_tightbbox()
+        assert box.x0 >= page.x0
+        assert box.x1 <= page.x1
+        assert box.y0 >= page.y0
+        assert box.y1 <= page.y1
+
+
+def test_a_notebook_shows_the_picture_of_a_frame(handmade):
+    """It is an image of Pillow, which states itself as PNG."""
+    frame = handmade.make_frame(1350.0, 900.0)
+    light, dark = draw(frame), draw(frame, DARK)
+    assert light._repr_png_().startswith(b"\x89PNG")
+    assert light.size == dark.size
+    assert light.getpixel((1, 1)) == (255, 255, 255)
+    assert max(dark.getpixel((1, 1))) < 60

@@ -19,7 +19,7 @@ from rso_lidar.scenario import preview_mission
 from rso_lidar.study.dispersions import dispersed_mission
 from rso_lidar.study.dispersions.dispersed_mission import nees_bounds
 from rso_lidar.study.dispersions.kept_runs import identify_runs
-from rso_lidar.study.dispersions.target_errors import resolve_element_sets
+from rso_lidar.study.dispersions.start_errors import resolve_start_errors
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 CHIEF = rl.Kepler(
@@ -399,7 +399,7 @@ def test_element_sets_state_a_covariance_by_name(sets):
     for k, axis in enumerate(("radial", "along", "cross")):
         assert found.tubes[f"{axis}_linear_sigma_m"][0] == pytest.approx(math.sqrt(expected[k, k]), rel=1e-9, abs=1e-6)
     # velocities are those of the sets less omega x r, so that the inertial ones are what the sets say
-    resolved = resolve_element_sets(scenario, "plate").target
+    resolved = resolve_start_errors(scenario, "plate").target
     n = math.sqrt(units.EARTH_GM_M3_S2 / 6928.137e3**3)
     turn = np.eye(6)
     turn[3:, :3] = [[0.0, -n, 0.0], [n, 0.0, 0.0], [0.0, 0.0, 0.0]]
@@ -408,6 +408,57 @@ def test_element_sets_state_a_covariance_by_name(sets):
     assert np.abs(off).max() < 1e-6
     own = make_scenario(dispersion=rl.Dispersion(start=errors))
     assert rl.study.disperse(own, 2).tubes["along_linear_sigma_m"][0] == found.tubes["along_linear_sigma_m"][0]
+
+
+def test_a_message_states_the_covariance_of_the_target_or_of_the_relative_state(tmp_path):
+    state = CHIEF.states(rl.orbit.Epochs(START, np.zeros(1)))
+    orbit = rl.orbit.State(
+        epoch_utc=START, position_m=tuple(state.position_m[0]), velocity_m_s=tuple(state.velocity_m_s[0])
+    )
+    given = np.diag(np.square([3.0, 40.0, 5.0, 0.05, 0.004, 0.006]))
+    turn = rl.orbit.orbit_state_matrix("rtn", state.position_m, state.velocity_m_s)[0]
+    path = rl.orbit.write_opm(
+        tmp_path / "plate.opm", "PLATE", "2020-001A", orbit, covariance=turn @ given @ turn.T, covariance_axes="rtn"
+    )
+    named = {"type": "covariance", "file": str(path), "object": "PLATE"}
+    rates = rl.orbit.orbit_state_matrix("rtn", state.position_m, state.velocity_m_s, rotating=True)[0]
+    back = rl.orbit.invert_state_matrix(rates) @ turn
+    expected = back @ given @ back.T
+    own = {"target": {"start": named}, "position_sigma_m": (1, 2, 3)}
+    resolved = resolve_start_errors(make_scenario(dispersion=rl.Dispersion(**own)), "plate")
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert np.abs((resolved.target.start_covariance - expected) / scale).max() < 1e-6
+    rows = rl.Dispersion(target={"start": {"type": "covariance", "matrix": given.tolist()}})
+    inline = resolve_start_errors(make_scenario(dispersion=rows), "plate").target
+    assert np.abs((inline.start_covariance - expected) / scale).max() < 1e-6
+    apart = rl.study.disperse(make_scenario(dispersion=rl.Dispersion(**own)), 100)
+    shared = rl.study.disperse(make_scenario(dispersion=rl.Dispersion(**own, relative_to_target=True)), 100)
+    for k, axis in enumerate(("radial", "along", "cross")):
+        sigma_m = k + 1.0
+        assert shared.tubes[f"{axis}_linear_sigma_m"][0] == pytest.approx(sigma_m, rel=1e-6)
+        both = math.hypot(sigma_m, math.sqrt(given[k, k]))
+        assert apart.tubes[f"{axis}_linear_sigma_m"][0] == pytest.approx(both, rel=1e-6)
+        assert shared.tubes[f"{axis}_sigma_m"][0] == pytest.approx(sigma_m, rel=5.0 / math.sqrt(200.0))
+
+
+@pytest.mark.parametrize(
+    ("start", "problem"),
+    [
+        ({"file": "none.opm"}, r"dispersion\.start: .*none\.opm"),
+        ({"file": "tle/flyby.cdm"}, r"dispersion\.start: .*has two objects"),
+    ],
+)
+def test_a_message_that_states_no_covariance_is_refused_in_one_line(start, problem):
+    errors = rl.Dispersion(start={"type": "covariance"} | start)
+    with pytest.raises(rl.RsoLidarError, match=problem) as error:
+        resolve_start_errors(make_scenario(dispersion=errors), "plate")
+    assert "\n" not in str(error.value)
+
+
+def test_a_covariance_of_another_object_is_warned_of():
+    errors = rl.Dispersion(start={"type": "covariance", "file": "tle/flyby.cdm", "object": "OBJECT2"})
+    with pytest.warns(rl.RsoLidarWarning, match="km from the body whose errors it states"):
+        resolve_start_errors(make_scenario(dispersion=errors), "plate")
 
 
 def test_kept_runs_are_not_those_of_other_element_sets(sets):
@@ -428,6 +479,13 @@ def test_kept_runs_are_not_those_of_other_element_sets(sets):
         ({"start": {"type": "element_sets", "file": "a.tle", "name": "A", "norad_id": 5}}, "both choose the object"),
         ({"start": {"type": "element_sets", "file": "a.tle"}, "position_sigma_m": (1, 0, 0)}, "place of position_sigma_m"),
         ({"start": {"type": "element_sets", "file": "a.tle"}, "covariance": np.eye(6).tolist()}, "in place of covariance"),
+        ({"start": {"type": "covariance"}}, "needs exactly one of file and matrix"),
+        ({"start": {"type": "covariance", "file": "a.opm", "axes": "tnw"}}, "a file states its own"),
+        ({"start": {"type": "covariance", "matrix": np.eye(6).tolist(), "object": "A"}}, "object: goes with file"),
+        ({"start": {"type": "covariance", "matrix": (-np.eye(6)).tolist()}}, "matrix: is not positive semidefinite"),
+        ({"cross_covariance": np.eye(6).tolist()}, "is with errors of the target, which has none"),
+        ({"cross_covariance": np.eye(6).tolist(), "target": {}, "relative_to_target": True}, "give one of them"),
+        ({"cross_covariance": np.eye(6).tolist(), "target": {}}, "more than the errors of follower and target allow"),
         ({"target": {"position_sigma_m": (-1, 0, 0)}}, "target.*a standard deviation is negative"),
         ({"target": {"attitude_sigma_deg": (-1, 0, 0)}}, "attitude_sigma_deg: a standard deviation is negative"),
         ({"target": {"attitude_sigma_deg": (0, 0, 90)}}, "attitude_sigma_deg: 90 is over 30"),

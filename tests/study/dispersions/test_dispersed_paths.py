@@ -177,6 +177,27 @@ def test_errors_of_the_target_move_it_and_are_seen_with_the_opposite_sign():
     assert with_none.n_numbers == 6 and with_none.sources == ("start", "burns", "navigation")
 
 
+def test_errors_that_both_bodies_share_leave_their_distance_alone():
+    """Both on one orbit: P_f + P_t - C - C^T, which is 0 for the same error of both, and P_rel for a relative fit."""
+    sample_s = np.linspace(0.0, 6000.0, 4)
+    sigmas = covariance(r=2.0, t=5.0, n=3.0, vr=0.004, vt=0.002, vn=0.003)
+    relative = covariance(r=0.2, t=0.1, n=0.3, vr=1e-4, vt=2e-4, vn=3e-4)
+    more = {"chief_m": lambda time_s: CHIEF.states(Epochs(START, time_s)).position_m}
+    same = Disperser(DispersedFlight(flight(**more), sample_s, sigmas, sigmas, sigmas))
+    alone = Disperser(DispersedFlight(flight(), sample_s, sigmas)).find_linear().covariance
+    assert np.abs(same.find_linear().covariance[:, :3, :3]).max() < 1e-9 * alone[:, :3, :3].max()
+    numbers = np.random.default_rng(2).standard_normal((20, same.n_numbers))
+    assert np.abs(same.fly(numbers).deviation_m).max() < 1e-3
+    close = Disperser(DispersedFlight(flight(**more), sample_s, sigmas + relative, sigmas, sigmas))
+    expected = Disperser(DispersedFlight(flight(), sample_s, relative)).find_linear().covariance
+    np.testing.assert_allclose(close.find_linear().covariance, expected, rtol=1e-5, atol=1e-7)
+    half = Disperser(DispersedFlight(flight(**more), sample_s, sigmas, sigmas, 0.5 * sigmas))
+    np.testing.assert_allclose(half.find_linear().covariance, alone, rtol=1e-6, atol=1e-9)  # 1 + 1 - 2 x 0.5
+    drawn = half.fly(np.random.default_rng(7).standard_normal((4000, half.n_numbers))).deviation_m
+    spread = drawn.std(axis=0, ddof=1)[0] / np.sqrt(np.diag(alone[0, :3, :3]))
+    assert np.abs(spread - 1.0).max() < 5.0 / math.sqrt(2.0 * 4000)
+
+
 @pytest.mark.slow
 def test_runs_and_linear_covariance_agree_with_errors_of_the_target_in_the_closed_loop():
     """2000 runs, as above; corrections take out what navigation sees of the target's errors, too."""

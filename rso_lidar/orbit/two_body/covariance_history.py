@@ -1,0 +1,229 @@
+"""Covariances of an object's state over time, and between their epochs.
+
+Between two epochs the covariances of both are propagated to the instant by two-body motion and blended (Tanygin, "Efficient
+Covariance Interpolation using Blending of Approximate State Error Transitions", AAS 14-360, 2014). Both are positive
+semidefinite, and so is a sum of the two with weights that are not negative; a polynomial through the terms need not be.
+Errors are carried in the rotating rtn axes of the reference orbit, so that what perturbs the orbit does not turn them away
+from it.
+"""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.orbit.epochs import Epochs, format_utc
+from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit.two_body.orbit_axes import OrbitAxes, invert_state_matrix, orbit_state_matrix
+from rso_lidar.orbit.two_body.transition import find_transition
+from rso_lidar.part import to_real_array
+from rso_lidar.records import BodyState
+
+_ASYMMETRY = 1e-3  # relative difference of mirrored terms that rounding of digits explains
+_NEGATIVE = 1e-3  # relative size of a negative eigenvalue that rounding of digits explains
+_EDGE_S = 1e-3  # an instant this close to an epoch is that epoch: 7.5 m along the track in low orbit
+# 10 m/s of speed are 3 v T = 170 km along the track after one low revolution, and go with 10 km of position (v = n r). Sets
+# that catalogues publish are known to some km and m/s; what is worse is lost, and nothing flies to it.
+LOST_M, LOST_M_S = 100_000.0, 10.0
+# Precise orbits are known to 1 to 2 cm and 10 um/s (GRACE: Kang et al., J. Geodesy 80 (2006) 322), relative ones to 1 mm by
+# carrier phases in processing afterwards: no start of a flight is known to less than both of these.
+PRECISE_M, PRECISE_M_S = 0.1, 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class CovarianceHistory:
+    """Covariances of an object's state at epochs, in inertial axes.
+
+    Parameters
+    ----------
+    label : name of the object
+    source : where the covariances come from, for messages and tables
+    reference : the orbit about which they are, anything with `states(epochs)`
+    epochs : (time,) increasing instants of the covariances
+    matrices : (time, 6, 6) covariances of position and velocity in GCRS axes [m2, m2/s, m2/s2]
+    has_velocity : whether the terms of velocity are known; without them the covariances hold at their epochs alone
+
+    Raises
+    ------
+    ScenarioError
+        if there is no covariance, the epochs do not increase, or a matrix is not symmetric and positive semidefinite
+    """
+
+    label: str
+    source: str
+    reference: Trajectory
+    epochs: Epochs
+    matrices: np.ndarray
+    has_velocity: bool = True
+
+    def __post_init__(self) -> None:
+        where = self.source or self.label
+        matrices = to_real_array(self.matrices)
+        count = len(self.epochs)
+        if matrices is None or matrices.shape != (count, 6, 6) or not count or not np.isfinite(matrices).all():
+            raise ScenarioError(f"{where}: covariances need finite numbers of shape (time, 6, 6), one for each epoch")
+        if (np.diff(self.epochs.time_s) <= _EDGE_S).any():
+            raise ScenarioError(
+                f"{where}: the epochs of the covariances do not increase; sort them, and give each once"
+            )
+        clean = check_covariances(matrices, where)
+        clean.flags.writeable = False
+        object.__setattr__(self, "matrices", clean)
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviations (time, 6) at the epochs in rtn axes, velocity relative to inertial axes [m, m/s]."""
+        diagonal = np.diagonal(self.at(self.epochs, axes="rtn"), axis1=1, axis2=2)
+        root: np.ndarray = np.sqrt(np.maximum(diagonal, 0.0))
+        return root
+
+    def at(
+        self,
+        epochs: Epochs | datetime.datetime,
+        *,
+        axes: OrbitAxes | None = None,
+        rotating: bool = False,
+        beyond: Literal["error", "two_body"] = "error",
+    ) -> np.ndarray:
+        """Return the covariances at instants.
+
+        At an epoch of its own the covariance is exact. Between epochs its error is that of two-body motion over half a gap,
+        and what happens in the gap (tracking, a burn) is spread over it.
+
+        Parameters
+        ----------
+        epochs : instants, or one instant with an offset from UTC
+        axes : "rtn", "lvlh_ccsds", "vnc", "ntw" or "tnw" of the reference orbit; None for GCRS axes
+
+        Other Parameters
+        ----------------
+        rotating : whether velocities are relative to orbital axes as they turn, rather than to inertial axes
+        beyond : before the first and after the last epoch, "error", or "two_body" for propagation from that epoch without
+            process noise, which understates the errors
+
+        Returns
+        -------
+        (time, 6, 6)
+            [m2, m2/s, m2/s2]
+
+        Raises
+        ------
+        PropagationError
+            if instants lie outside the epochs, or between them without terms of velocity; its `bad` masks them
+        """
+        wanted = Epochs(epochs, np.zeros(1)) if isinstance(epochs, datetime.datetime) else epochs
+        now_s, known_s = wanted.since(self.epochs.start_utc), self.epochs.time_s
+        last = len(known_s) - 1
+        nearest = np.abs(known_s - now_s[:, None]).argmin(axis=1)
+        is_known = np.abs(known_s[nearest] - now_s) <= _EDGE_S
+        self._check_span(wanted, now_s, is_known, beyond)
+        covariance: np.ndarray = self.matrices[nearest].copy()
+        rest = np.flatnonzero(~is_known)
+        if len(rest):
+            after = np.searchsorted(known_s, now_s[rest])
+            low, high = np.clip(after - 1, 0, last), np.clip(after, 0, last)
+            gap_s = known_s[high] - known_s[low]
+            share = np.where(gap_s > 0.0, (now_s[rest] - known_s[low]) / np.where(gap_s > 0.0, gap_s, 1.0), 0.0)
+            weight = (share**2 * (3.0 - 2.0 * share))[:, None, None]  # smooth step: level at both epochs
+            early, late = self._carry(low, wanted.at(rest)), self._carry(high, wanted.at(rest))
+            covariance[rest] = (1.0 - weight) * early + weight * late
+        if axes is None:
+            return covariance
+        states = self.reference.states(wanted)
+        back = invert_state_matrix(orbit_state_matrix(axes, states.position_m, states.velocity_m_s, rotating=rotating))
+        turned: np.ndarray = back @ covariance @ np.swapaxes(back, 1, 2)
+        return turned
+
+    def _carry(self, which: np.ndarray, epochs: Epochs) -> np.ndarray:
+        """Propagate covariances (time) by number to an instant each, in the rotating rtn axes of the reference orbit."""
+        begin, there = self.reference.states(self.epochs.at(which)), self.reference.states(epochs)
+        span_s = epochs.since(self.epochs.start_utc) - self.epochs.time_s[which]
+        moved, transition = find_transition(begin.position_m, begin.velocity_m_s, span_s)
+        from_rtn = _rotating_rtn(there) @ invert_state_matrix(_rotating_rtn(BodyState(moved[:, :3], moved[:, 3:])))
+        whole = from_rtn @ transition
+        carried: np.ndarray = whole @ self.matrices[which] @ np.swapaxes(whole, 1, 2)
+        return carried
+
+    def _check_span(self, wanted: Epochs, now_s: np.ndarray, is_known: np.ndarray, beyond: str) -> None:
+        """Raise `PropagationError` for instants at which there is no covariance."""
+        if beyond not in ("error", "two_body"):
+            raise ScenarioError(f"beyond: '{beyond}' is no choice; write 'error' or 'two_body'")
+        where = f"covariance of {self.label} ({self.source})"
+        start, known_s = self.epochs.start_utc, self.epochs.time_s
+        if not self.has_velocity and not is_known.all():
+            raise PropagationError(
+                f"{where}: has no terms of velocity, so it holds at its own epoch {format_utc(start, known_s[0])} alone; "
+                "give a covariance of 6 x 6",
+                ~is_known,
+            )
+        bad = ~is_known & ((now_s < known_s[0]) | (now_s > known_s[-1]))
+        if bad.any() and beyond == "error":
+            first = format_utc(wanted.start_utc, float(wanted.time_s[np.argmax(bad)]))
+            raise PropagationError(
+                f"{where}: does not cover {int(bad.sum())} of {len(bad)} instants, first {first}: "
+                f"it spans {format_utc(start, known_s[0])} to {format_utc(start, known_s[-1])}; shift the instants, or let "
+                'it be propagated (beyond = "two_body")',
+                bad,
+            )
+
+
+def _rotating_rtn(states: BodyState) -> np.ndarray:
+    return orbit_state_matrix("rtn", states.position_m, states.velocity_m_s, rotating=True)
+
+
+def check_covariances(matrices: np.ndarray, where: str, cure: str = "") -> np.ndarray:
+    """Check that matrices (…, 6, 6) are covariances to the rounding of their digits, and return them symmetric.
+
+    Parameters
+    ----------
+    where : name of the source, for messages
+    cure : a further cure for the message; none if empty
+
+    Raises
+    ------
+    ScenarioError
+        if a matrix is not symmetric, or not positive semidefinite
+    """
+    mirrored = np.swapaxes(matrices, -1, -2)
+    variances = np.diagonal(matrices, axis1=-2, axis2=-1)
+    scale = np.sqrt(np.abs(variances))
+    unit = scale[..., :, None] * scale[..., None, :]
+    if (np.abs(matrices - mirrored) > _ASYMMETRY * unit).any() or (variances < 0.0).any():
+        raise ScenarioError(f"{where}: is not symmetric with variances of 0 or more; correct its terms")
+    full: np.ndarray = 0.5 * (matrices + mirrored)
+    least = float(np.linalg.eigvalsh(full / np.where(unit > 0.0, unit, 1.0)).min())
+    if least < -_NEGATIVE or (np.abs(full) > unit * (1.0 + _ASYMMETRY)).any():
+        raise ScenarioError(
+            f"{where}: is not positive semidefinite, so no distribution has it; correct its terms{cure and f', {cure}'}"
+        )
+    return full
+
+
+def describe_unlikely_units(covariance: Any, is_kilometres: bool) -> str:
+    """Describe sigmas of a covariance that look like another unit; empty where they do not.
+
+    Parameters
+    ----------
+    covariance : (…, 6, 6) [m2, m2/s, m2/s2]
+    is_kilometres : whether the source states it in km2, km2/s and km2/s2, rather than in metres
+    """
+    variances = np.diagonal(np.asarray(covariance), axis1=-2, axis2=-1).reshape(-1, 6)
+    place_m, speed_m_s = (float(np.sqrt(variances[:, part].max())) for part in (slice(0, 3), slice(3, 6)))
+    if is_kilometres and (place_m > LOST_M or speed_m_s > LOST_M_S):
+        return (
+            f"sigmas of {place_m:.4g} m and {speed_m_s:.4g} m/s are those of a lost object; the standard has km², km²/s and "
+            f"km²/s², and as m² they would be {place_m / units.KM:.4g} m and {speed_m_s / units.KM:.4g} m/s: then divide "
+            "the terms by 1e6"
+        )
+    if not is_kilometres and 0.0 < place_m < PRECISE_M and speed_m_s < PRECISE_M_S:
+        return (
+            f"sigmas of {place_m:.4g} m and {speed_m_s:.4g} m/s are less than those of precise orbits; the standard has m², "
+            f"and as km² they would be {place_m * units.KM:.4g} m and {speed_m_s * units.KM:.4g} m/s: then multiply the "
+            "terms by 1e6"
+        )
+    return ""

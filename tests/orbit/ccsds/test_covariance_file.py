@@ -1,0 +1,140 @@
+"""Covariances of OEM, OPM and CDM in every frame, and what is wrong with them."""
+
+import datetime
+
+import numpy as np
+import pytest
+
+from rso_lidar.errors import RsoLidarWarning, ScenarioError
+from rso_lidar.orbit import Epochs, State, convert_states, read_covariances, write_oem, write_opm
+from rso_lidar.records import BodyState
+
+START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
+LOW = State(epoch_utc=START, position_m=(6.9e6, 0.3e6, 0.2e6), velocity_m_s=(-400.0, 1200.0, 7450.0))
+ROOT = np.random.default_rng(3).normal(size=(6, 6)) * np.array([10.0, 100.0, 8.0, 0.1, 0.01, 0.01])[:, None]
+GIVEN = ROOT @ ROOT.T
+TEXT = "\n".join(" ".join(f"{GIVEN[i, j] / 1e6:.15e}" for j in range(i + 1)) for i in range(6))
+AT = Epochs(START, np.array([630.0]))
+
+
+@pytest.fixture
+def oem(tmp_path):
+    def write(frame=None, rows=TEXT, epoch="2024-09-17T12:10:30", more=""):
+        epochs = Epochs(START, np.arange(0.0, 3000.0, 60.0))
+        path = write_oem(tmp_path / "craft.oem", "CRAFT", "2024-001A", epochs, LOW.states(epochs), overwrite=True)
+        named = "" if frame is None else f"COV_REF_FRAME = {frame}\n"
+        block = f"\nCOVARIANCE_START\nEPOCH = {epoch}\n{named}{rows}\n{more}COVARIANCE_STOP\n"
+        path.write_text(path.read_text() + block)
+        return path
+
+    return write
+
+
+@pytest.mark.filterwarnings("ignore:.*is in ITRF")
+@pytest.mark.parametrize(
+    ("frame", "axes"),
+    [(None, "gcrs"), ("ICRF", "gcrs"), ("EME2000", "eme2000"), ("TOD", "tod"), ("TEME", "teme"), ("ITRF2014", "itrs")],
+)
+def test_states_drawn_in_a_frame_of_the_earth_have_the_covariance_that_is_read(oem, frame, axes):
+    """Each column of a root, added to the state in the frame, is converted as a state: M P M^T is linear, and so is this."""
+    found = read_covariances(oem(frame)).matrices[0]
+    here = convert_states(LOW.states(AT), AT, to_axes=axes)
+    seven = np.vstack([np.zeros((1, 6)), ROOT.T])
+    epochs = Epochs(START, np.full(7, 630.0))
+    there = convert_states(
+        BodyState(here.position_m + seven[:, :3], here.velocity_m_s + seven[:, 3:]), epochs, from_axes=axes
+    )
+    columns = np.concatenate([there.position_m, there.velocity_m_s], axis=1)
+    root = (columns[1:] - columns[0]).T
+    scale = np.sqrt(np.outer(np.diag(found), np.diag(found)))
+    assert np.abs((found - root @ root.T) / scale).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("frame", "axes", "rotating"),
+    [
+        ("RTN", "rtn", False),
+        ("RSW_ROTATING", "rtn", True),
+        ("TNW", "tnw", False),
+        ("NTW_ROTATING", "ntw", True),
+        ("VNC_INERTIAL", "vnc", False),
+        ("LVLH_ROTATING", "lvlh_ccsds", True),
+    ],
+)
+def test_a_covariance_along_the_orbit_is_given_back_in_its_axes(oem, frame, axes, rotating):
+    history = read_covariances(oem(frame))
+    assert (history.label, len(history.epochs)) == ("CRAFT", 1)
+    np.testing.assert_allclose(history.at(AT, axes=axes, rotating=rotating)[0], GIVEN, rtol=1e-6, atol=1e-12)
+
+
+def test_xml_and_opm_have_the_same_covariance(oem, tmp_path):
+    expected = read_covariances(oem("RTN")).at(AT, axes="rtn")[0]
+    names = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+    leaves = "".join(
+        f"<C{names[i]}_{names[j]}>{GIVEN[i, j] / 1e6:.15e}</C{names[i]}_{names[j]}>"
+        for i in range(6)
+        for j in range(i + 1)
+    )
+    meta = {"OBJECT_NAME": "CRAFT", "OBJECT_ID": "2024-001A", "CENTER_NAME": "EARTH", "REF_FRAME": "GCRF"}
+    meta |= {"TIME_SYSTEM": "UTC", "START_TIME": "2024-09-17T12:10:00", "STOP_TIME": "2024-09-17T12:12:00"}
+    states = LOW.states(Epochs(START, np.array([600.0, 660.0, 720.0])))
+    rows = "".join(
+        f"<stateVector><EPOCH>2024-09-17T12:1{k}:00</EPOCH>"
+        + "".join(
+            f"<{name}>{value / 1e3:.12f}</{name}>"
+            for name, value in zip(names, [*states.position_m[k], *states.velocity_m_s[k]], strict=True)
+        )
+        + "</stateVector>"
+        for k in range(3)
+    )
+    path = tmp_path / "craft.xml"
+    path.write_text(
+        "<oem version='2.0'><body><segment><metadata>"
+        + "".join(f"<{key}>{value}</{key}>" for key, value in meta.items())
+        + f"</metadata><data>{rows}<covarianceMatrix><EPOCH>2024-09-17T12:10:30</EPOCH>"
+        + f"<COV_REF_FRAME>RTN</COV_REF_FRAME>{leaves}</covarianceMatrix></data></segment></body></oem>"
+    )
+    np.testing.assert_allclose(read_covariances(path).at(AT, axes="rtn")[0], expected, rtol=1e-6, atol=1e-12)
+    opm = write_opm(tmp_path / "craft.opm", "CRAFT", "2024-001A", LOW, covariance=GIVEN, covariance_axes="vnc")
+    np.testing.assert_allclose(read_covariances(opm, "craft").matrices[0], GIVEN, rtol=1e-9, atol=1e-15)
+
+
+def test_objects_of_a_conjunction_are_chosen_by_name():
+    first, second = (read_covariances("tle/flyby.cdm", name) for name in ("OBJECT1", "99002"))
+    assert second.label.endswith("(99002)") and first.label != second.label
+    np.testing.assert_allclose(second.sigma[0], [20.0, 150.0, 15.0, 0.15, 0.02, 0.015], rtol=1e-9)
+    for name, problem in ((None, "has two objects"), ("x", "unknown object 'x'")):
+        with pytest.raises(ScenarioError, match=problem):
+            read_covariances("tle/flyby.cdm", name)
+
+
+def test_a_covariance_in_square_metres_is_asked_about(oem):
+    rows = "\n".join(" ".join(f"{GIVEN[i, j]:.15e}" for j in range(i + 1)) for i in range(6))
+    with pytest.warns(RsoLidarWarning, match="as m² they would be .* then divide the terms by 1e6"):
+        read_covariances(oem("RTN", rows))
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"rows": "1.0"}, "line .*: the covariance of line .* has 1 numbers; give the 21"),
+        ({"rows": TEXT.replace("e", "x", 1)}, "CX_X '.*' is not a number"),
+        ({"rows": TEXT.replace(TEXT.split()[0], "-1.0", 1)}, "not symmetric with variances of 0 or more"),
+        ({"frame": "MOON"}, "reference frame MOON is not supported"),
+        ({"frame": "LVLH"}, "LVLH means two things"),
+        ({"epoch": "2024-09-18T12:10:30"}, "covariance: .*does not cover"),
+        ({"epoch": "noon"}, "epoch 'noon'"),
+        ({"more": "EPOCH = 2024-09-17T12:10:20\n" + TEXT + "\n"}, "do not increase"),
+    ],
+)
+def test_what_is_wrong_with_a_covariance_is_named_in_one_line(oem, changes, problem):
+    with pytest.raises(ValueError, match=problem) as error:
+        read_covariances(oem(**changes))
+    assert "\n" not in str(error.value) and "craft.oem" in str(error.value)
+
+
+def test_an_ephemeris_without_covariance_says_so(tmp_path):
+    epochs = Epochs(START, np.arange(0.0, 300.0, 60.0))
+    path = write_oem(tmp_path / "craft.oem", "CRAFT", "2024-001A", epochs, LOW.states(epochs))
+    with pytest.raises(ScenarioError, match="has no covariance of CRAFT; add COVARIANCE_START"):
+        read_covariances(path)
