@@ -105,13 +105,7 @@ class TargetingProblem:
             tree = parse_toml(self.text, self.targeter.where, ScenarioError)
             for setting in (*self.targeter.set, *self.list_settings(values)):
                 apply_setting(tree, setting)
-            flown: list[float] = []
-            for k, goal in enumerate(self.targeter.goal):
-                with add_place(f"{self.targeter.where}: goal[{k}]"):
-                    flown += self._find_goal(flight, goal, tree, scenario.time.duration_s)
-            for k, limit in enumerate(self.targeter.limit):
-                with add_place(f"{self.targeter.where}: limit[{k}]"):
-                    flown += self._find_limit(flight, limit, tree, scenario.time.duration_s)
+            flown = self._find_rows(flight, tree, scenario.time.duration_s)
             if self.targeter.minimize is not None:
                 flown.append(float(getattr(flight, self.targeter.minimize)))
         values_of_flight = np.array(flown)
@@ -128,27 +122,39 @@ class TargetingProblem:
         except RsoLidarError as error:
             return " ".join(str(error).split())
 
-    def _find_goal(self, flight: TargetedFlight, goal: Goal, tree: dict[str, object], end_s: float) -> list[float]:
-        quantity = QUANTITIES[goal.quantity]
-        if quantity.of_states is None:
-            return [float(getattr(flight, goal.quantity))]
-        at_s = end_s if goal.at_s is None else _find_instant_s(goal.at_s, tree, "at_s", end_s)
-        return np.ravel(quantity.of_states(flight.find_states(np.array([at_s])))).tolist()
+    def _find_rows(self, flight: TargetedFlight, tree: dict[str, object], end_s: float) -> list[float]:
+        """Return the values of the rows; the instants of all rows are flown at once."""
+        conditions = [(f"goal[{k}]", goal) for k, goal in enumerate(self.targeter.goal)]
+        conditions += [(f"limit[{k}]", limit) for k, limit in enumerate(self.targeter.limit)]
+        instants_s = []
+        for place, condition in conditions:
+            with add_place(f"{self.targeter.where}: {place}"):
+                instants_s.append(self._list_instants_s(condition, tree, end_s))
+        times_s, places = np.unique(np.concatenate(instants_s), return_inverse=True)
+        states = flight.find_states(times_s)
+        ends = np.cumsum([len(times) for times in instants_s])
+        flown: list[float] = []
+        for (_, condition), times, end in zip(conditions, instants_s, ends, strict=True):
+            find_values = QUANTITIES[condition.quantity].of_states
+            if find_values is None:
+                values = np.array([float(getattr(flight, condition.quantity))])
+            else:
+                values = find_values(states)[places[end - len(times) : end]]
+            flown += np.ravel(values).tolist() if isinstance(condition, Goal) else _list_worst(condition, values)
+        return flown
 
-    def _find_limit(self, flight: TargetedFlight, limit: Limit, tree: dict[str, object], end_s: float) -> list[float]:
-        """Return the worst value for each bound of a limit."""
-        quantity, worst = QUANTITIES[limit.quantity], [min] * (limit.at_least is not None)
-        worst += [max] * (limit.at_most is not None)
-        if quantity.of_states is None:
-            return [float(getattr(flight, limit.quantity))] * len(worst)
-        if limit.at_s is not None:
-            times = np.array([_find_instant_s(limit.at_s, tree, "at_s", end_s)])
-        else:
-            ends = limit.between_s or (0.0, end_s)
-            first_s, last_s = (_find_instant_s(at_s, tree, "between_s", end_s) for at_s in ends)
-            times = np.linspace(first_s, max(first_s, last_s), self.targeter.samples)
-        values = quantity.of_states(flight.find_states(times)).tolist()
-        return [float(choose(values)) for choose in worst]
+    def _list_instants_s(self, condition: Goal | Limit, tree: dict[str, object], end_s: float) -> np.ndarray:
+        """Return the instants (time,) [s] at which a condition is evaluated; none for a quantity of the run."""
+        if QUANTITIES[condition.quantity].of_states is None:
+            return np.empty(0)
+        if condition.at_s is not None:
+            return np.array([_find_instant_s(condition.at_s, tree, "at_s", end_s)])
+        if isinstance(condition, Goal):
+            return np.array([end_s])
+        first_s, last_s = (
+            _find_instant_s(at_s, tree, "between_s", end_s) for at_s in condition.between_s or (0.0, end_s)
+        )
+        return np.linspace(first_s, max(first_s, last_s), self.targeter.samples)
 
 
 class Flights:
@@ -192,6 +198,12 @@ class Flights:
     def fly(self, point: np.ndarray) -> np.ndarray | None:
         """Fly one scaled point (variable,); None where it cannot be flown."""
         return self.fly_all(point[None])[0]
+
+
+def _list_worst(limit: Limit, values: np.ndarray) -> list[float]:
+    """Return the worst of values (time,) for each bound of a limit."""
+    least = [float(np.min(values))] if limit.at_least is not None else []
+    return [*least, *([float(np.max(values))] if limit.at_most is not None else [])]
 
 
 def make_problem(targeter: Targeter, *, trust_code: bool = False) -> TargetingProblem:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -29,15 +28,51 @@ class Push(NamedTuple):
     direction: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
 class States:
-    """States of target and follower, (time, 3) [m], [m/s]: inertial, and the follower's in the target's rtn axes."""
+    """States of target and follower at instants, each evaluated when it is first asked for.
 
-    epochs: Epochs
-    target: BodyState
-    follower: BodyState
-    position_m: np.ndarray
-    velocity_m_s: np.ndarray
+    Parameters
+    ----------
+    time_s : (time,) since the start [s]
+    """
+
+    def __init__(self, scenario: Scenario, target: str, time_s: np.ndarray) -> None:
+        self._body, self._bodies, self._name = scenario.bodies[-1], scenario.bodies, target
+        self.epochs = Epochs(scenario.time.start_utc, time_s)
+        self._chief = Chief(scenario.bodies, target)
+
+    @cached_property
+    def target(self) -> BodyState:
+        """Inertial state of the target."""
+        return self._chief.states(self.epochs)
+
+    @cached_property
+    def follower(self) -> BodyState:
+        """Inertial state of the follower."""
+        return Chief(self._bodies, self._body.name).states(self.epochs)
+
+    @cached_property
+    def _relative(self) -> tuple[np.ndarray, np.ndarray]:
+        if get_chief_name(self._body.motion) == self._name:
+            position_m, velocity_m_s = self._body.motion.relative(
+                self.epochs, self._chief
+            )  # no difference of large numbers
+            return position_m, velocity_m_s
+        axes, rate_rad_s = rtn_matrix(self.target.position_m, self.target.velocity_m_s)
+        turned = np.swapaxes(axes, -1, -2)
+        position = rotate_vectors(turned, self.follower.position_m - self.target.position_m)
+        velocity = rotate_vectors(turned, self.follower.velocity_m_s - self.target.velocity_m_s)
+        return position, velocity - np.cross(rate_rad_s, position)
+
+    @property
+    def position_m(self) -> np.ndarray:
+        """Position of the follower (time, 3) in the target's rtn axes [m]."""
+        return self._relative[0]
+
+    @property
+    def velocity_m_s(self) -> np.ndarray:
+        """Velocity of the follower (time, 3) relative to the target's rotating rtn axes [m/s]."""
+        return self._relative[1]
 
 
 class TargetedFlight:
@@ -48,23 +83,12 @@ class TargetedFlight:
         self._body: Body = scenario.bodies[-1]
 
     def find_states(self, time_s: np.ndarray) -> States:
-        """Find the states at instants (time,) since the start [s]; at an impulse, those after it."""
-        epochs = Epochs(self._scenario.time.start_utc, time_s)
-        chief = Chief(self._scenario.bodies, self._target)
-        target, follower = chief.states(epochs), Chief(self._scenario.bodies, self._body.name).states(epochs)
-        if get_chief_name(self._body.motion) == self._target:
-            relative = self._body.motion.relative(epochs, chief)  # no difference of large numbers
-        else:
-            axes, rate_rad_s = rtn_matrix(target.position_m, target.velocity_m_s)
-            turned = np.swapaxes(axes, -1, -2)
-            position = rotate_vectors(turned, follower.position_m - target.position_m)
-            velocity = rotate_vectors(turned, follower.velocity_m_s - target.velocity_m_s)
-            relative = position, velocity - np.cross(rate_rad_s, position)
-        return States(epochs, target, follower, *relative)
+        """Return the states at instants (time,) since the start [s]; at an impulse, those after it."""
+        return States(self._scenario, self._target, time_s)
 
     @cached_property
-    def pushes(self) -> tuple[Push, ...]:
-        """Impulses and burns of the run, those of guidance among them; held legs are left out."""
+    def _commands(self) -> list[tuple[float, float, tuple[float, ...], str]]:
+        """Impulses and burns of the run: start [s], delta-v [m/s], direction of any length, and its axes."""
         bodies, time = self._scenario.bodies, self._scenario.time
         flight, plan = find_flight(self._body, bodies, time.start_utc), find_plan(self._body, bodies, time.start_utc)
         listed: list[tuple[float, float, tuple[float, ...], str]] = []
@@ -75,12 +99,16 @@ class TargetedFlight:
             vector = maneuver.delta_v_m_s if isinstance(maneuver, Impulse) else maneuver.acceleration_m_s2
             along = vector or maneuver.thrust_n
             listed.append((maneuver.edges_s[0], maneuver.size_m_s, along, maneuver.axes))
-        listed = sorted(push for push in listed if push[0] <= time.duration_s)
-        if not listed:
+        return sorted(push for push in listed if push[0] <= time.duration_s)
+
+    @cached_property
+    def pushes(self) -> tuple[Push, ...]:
+        """Impulses and burns of the run, those of guidance among them; held legs are left out."""
+        if not self._commands:
             return ()
-        states = self.find_states(np.array([push[0] for push in listed]))
+        states = self.find_states(np.array([command[0] for command in self._commands]))
         pushes = []
-        for k, (time_s, size_m_s, along, axes) in enumerate(listed):
+        for k, (time_s, size_m_s, along, axes) in enumerate(self._commands):
             about = states.target if axes == "chief_rtn" else states.follower
             place = about.position_m[k].tolist(), about.velocity_m_s[k].tolist()
             pushes.append(Push(time_s, size_m_s, np.array(rotate_to_inertial(along, axes, *place))))
@@ -91,17 +119,17 @@ class TargetedFlight:
         """Delta-v of the run [m/s]: impulses, burns, and the held legs of the plan."""
         plan = find_plan(self._body, self._scenario.bodies, self._scenario.time.start_utc)
         held_m_s = 0.0 if plan is None else plan.continuous_delta_v_m_s
-        return math.fsum(push.size_m_s for push in self.pushes) + held_m_s
+        return math.fsum(command[1] for command in self._commands) + held_m_s
 
     @property
     def largest_impulse_m_s(self) -> float:
         """Greatest delta-v of one impulse or burn [m/s]."""
-        return max((push.size_m_s for push in self.pushes), default=0.0)
+        return max((command[1] for command in self._commands), default=0.0)
 
     @property
     def last_impulse_s(self) -> float:
         """Instant of the last impulse or burn [s]; 0 without any."""
-        return max((push.time_s for push in self.pushes), default=0.0)
+        return max((command[0] for command in self._commands), default=0.0)
 
     @property
     def plume_angle_deg(self) -> float:

@@ -11,10 +11,18 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.study.targeting.problem import Flights, Row, TargetingProblem
 
-_STEP = 1e-5  # of the width between bounds: above the noise of the integrator (1e-13), and small beside curvature
+_STEP = 1e-4  # of the width between bounds: above the noise of the integrator (1e-13), and small beside curvature
+_STOP = 0.1  # of the tolerances, at which the corrector stops
 _PENALTY = 1e3  # of a point that cannot be flown, in scaled units of which the whole width moves a row by about one
 _WEIGHT = 10.0  # of violations beside the minimised quantity in the global search (exact penalty)
 _POPULATION = 10  # points for each variable (Storn and Price 1997 suggest 5 to 10)
+_RADIUS = 0.2  # of the width between bounds: half the first box of a run of SLSQP
+_LEAST_RADIUS = 1e-3
+_RUN = 25  # iterations of SLSQP in one box
+_COST_CHANGE = 1e-7  # of the scaled cost: a smaller gain ends a run
+_CORRECTION = 0.3  # of the width between bounds: the longest first step of the corrector
+_LEAST_CORRECTION = 1e-9
+_SHORTEST = 1e-7  # weight of a step's length beside the goals
 _LEAST_SLOPE = 1e-12
 
 
@@ -60,26 +68,29 @@ class _ScaledProblem:
         """Numbers of the rows that are inequalities."""
         return [k for k, row in enumerate(self.problem.rows) if not row.is_goal]
 
-    def differentiate(self, point: np.ndarray) -> np.ndarray:
-        """Return the derivatives (value, variable) at a scaled point by central differences within the bounds."""
+    def differentiate(self, point: np.ndarray, *, one_sided: bool = False) -> np.ndarray:
+        """Return the derivatives (value, variable) at a scaled point by differences of flights within the bounds.
+
+        Central differences fly two points for each variable, one-sided ones fly one.
+        """
         low, high = np.tile(point, (2, len(point), 1))
-        np.fill_diagonal(low, np.clip(point - _STEP, 0.0, 1.0))
-        np.fill_diagonal(high, np.clip(point + _STEP, 0.0, 1.0))
+        np.fill_diagonal(high, np.where(point + _STEP <= 1.0, point + _STEP, point - _STEP))
+        if not one_sided:
+            np.fill_diagonal(low, np.clip(point - _STEP, 0.0, 1.0))
+            np.fill_diagonal(high, np.clip(point + _STEP, 0.0, 1.0))
         outcomes = self.flights.fly_all(np.concatenate([low, high, point[None]]))
         middle = outcomes.pop()
         columns = []
-        for k in range(len(point)):
-            before, after = outcomes[k], outcomes[k + len(point)]
-            width = high[k, k] - low[k, k]
-            if middle is not None and (before is None or after is None):  # the edge of what can be flown
-                before, after, width = (
-                    (before, middle, point[k] - low[k, k]) if after is None else (middle, after, high[k, k] - point[k])
-                )
-            if before is None or after is None or width <= 0.0:
-                size = len(self.problem.rows) + (self.problem.targeter.minimize is not None)
-                columns.append(np.zeros(size))
-                continue
-            columns.append((after - before) / width)
+        for k, (before, after) in enumerate(zip(outcomes[: len(point)], outcomes[len(point) :], strict=True)):
+            first, last = low[k, k], high[k, k]
+            if before is None:  # the edge of what can be flown
+                before, first = middle, point[k]
+            if after is None:
+                after, last = middle, point[k]
+            if before is None or after is None or first == last:
+                columns.append(np.zeros_like(self.start_values))
+            else:
+                columns.append((after - before) / (last - first))
         return np.stack(columns, axis=1)
 
     def residuals(self, point: np.ndarray) -> np.ndarray:
@@ -123,6 +134,15 @@ class _ScaledProblem:
         slopes: np.ndarray = self.differentiate(point)[-1] / self.units[-1]
         return slopes
 
+    def merit(self, point: np.ndarray) -> tuple[float, float]:
+        """Return by how much goals and limits are missed beyond their tolerances, and the cost: less is better, in order."""
+        values = self.flights.fly(point)
+        if values is None:
+            return np.inf, np.inf
+        rows = zip(self.problem.rows, values.tolist(), self.units.tolist(), strict=False)
+        missed = sum((row.error(value) - row.tolerance) / unit for row, value, unit in rows if not row.is_met(value))
+        return float(missed), self.cost(point)
+
     def penalised_cost(self, point: np.ndarray) -> float:
         """Return the cost with the violations of goals and limits."""
         violation = float(np.sum(np.abs(self.residuals(point))) - np.sum(np.minimum(self.margins(point), 0.0)))
@@ -150,24 +170,48 @@ def search(
 
 
 def _correct(scaled: _ScaledProblem, start: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return the point at which the goals are nearest to met, and the number of iterations."""
-    from scipy.optimize import least_squares
+    """Return the point at which the goals are met or nearest to it, and the number of iterations.
 
-    solution = least_squares(
-        scaled.residuals,
-        np.clip(start, 1e-9, 1.0 - 1e-9),  # it starts strictly inside
-        scaled.residual_slopes,
-        bounds=(0.0, 1.0),
-        xtol=1e-13,
-        ftol=1e-13,
-        gtol=1e-13,
-        max_nfev=scaled.problem.targeter.max_iterations,
-    )
-    return _choose_flown(scaled, solution.x), int(solution.njev)
+    Each step is that of Gauss and Newton, the shortest of those that meet the linearised goals, within the bounds and a
+    box. The box shrinks where a step makes the goals worse (bounded linear least squares; Stark and Parker 1995).
+    """
+    from scipy.optimize import lsq_linear
+
+    goals, n = scaled.goals, len(start)
+    tolerances = np.array([scaled.problem.rows[k].tolerance for k in goals])
+    wanted = np.array([scaled.problem.rows[k].low for k in goals])
+
+    def find_errors(point: np.ndarray) -> np.ndarray | None:
+        values = scaled.flights.fly(point)
+        return None if values is None else (values[goals] - wanted) / tolerances
+
+    point, errors, radius, iterations = start, find_errors(start), _CORRECTION, 0
+    slopes: np.ndarray | None = None
+    while errors is not None and np.abs(errors).max() > _STOP and radius > _LEAST_CORRECTION:
+        if iterations == scaled.problem.targeter.max_iterations:
+            break
+        iterations += 1
+        if slopes is None:
+            slopes = scaled.differentiate(point, one_sided=True)[goals] / tolerances[:, None]
+        short = _SHORTEST * np.linalg.norm(slopes) * np.eye(n)  # of steps that do the same, the shortest
+        # Strictly ordered bounds: a variable at its bound keeps a sliver of room.
+        low, high = np.maximum(-radius, -point) - 1e-15, np.minimum(radius, 1.0 - point) + 1e-15
+        step = lsq_linear(np.vstack([slopes, short]), np.concatenate([-errors, np.zeros(n)]), (low, high), "bvls").x
+        reached = np.clip(point + step, 0.0, 1.0)
+        reached_errors = find_errors(reached)
+        if reached_errors is None or not np.linalg.norm(reached_errors) < np.linalg.norm(errors):
+            radius = 0.25 * min(radius, float(np.abs(step).max()))
+            continue
+        point, errors, radius, slopes = reached, reached_errors, min(2.0 * radius, 1.0), None
+    return point, iterations
 
 
 def _descend(scaled: _ScaledProblem, start: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return the point of least cost near a start that keeps goals and limits, and the number of iterations."""
+    """Return the point of least cost near a start that keeps goals and limits, and the number of iterations.
+
+    Each run of SLSQP is kept within a box about the best point, and the goals are met again after it: far from its start
+    the linearised goals mislead. The box shrinks where a run gains nothing.
+    """
     from scipy.optimize import minimize
 
     constraints = []
@@ -175,16 +219,32 @@ def _descend(scaled: _ScaledProblem, start: np.ndarray) -> tuple[np.ndarray, int
         constraints.append({"type": "eq", "fun": scaled.residuals, "jac": scaled.residual_slopes})
     if scaled.limits:
         constraints.append({"type": "ineq", "fun": scaled.margins, "jac": scaled.margin_slopes})
-    solution = minimize(
-        scaled.cost,
-        start,
-        jac=scaled.cost_slopes,
-        method="SLSQP",
-        bounds=[(0.0, 1.0)] * len(start),
-        constraints=constraints,
-        options={"maxiter": scaled.problem.targeter.max_iterations, "ftol": 1e-10},
-    )
-    return _choose_flown(scaled, solution.x), int(solution.nit)
+    point, merit, radius, iterations = start, scaled.merit(start), _RADIUS, 0
+    while radius >= _LEAST_RADIUS and iterations < scaled.problem.targeter.max_iterations:
+        low, high = np.clip([point - radius, point + radius], 0.0, 1.0)
+        solution = minimize(
+            scaled.cost,
+            point,
+            jac=scaled.cost_slopes,
+            method="SLSQP",
+            bounds=np.stack([low, high], axis=1),
+            constraints=constraints,
+            options={"maxiter": _RUN, "ftol": _COST_CHANGE},
+        )
+        iterations += int(solution.nit)
+        reached = _choose_flown(scaled, solution.x) if np.isfinite(solution.x).all() else point
+        if scaled.goals:
+            reached, more = _correct(scaled, reached)
+            iterations += more
+        reached_merit = scaled.merit(reached)
+        gained, moved = max(np.subtract(merit, reached_merit)), float(np.abs(reached - point).max())
+        if reached_merit < merit:
+            point, merit = reached, reached_merit
+        if gained < 10.0 * _COST_CHANGE:
+            if merit[0] == 0.0 and moved < 0.9 * radius:
+                break
+            radius /= 4.0
+    return point, iterations
 
 
 def _evolve(scaled: _ScaledProblem) -> tuple[np.ndarray, int]:
