@@ -157,9 +157,8 @@ def search(
     method, point, iterations = problem.targeter.chosen_method, scaled.start, 0
     if method == "global":
         point, iterations = _evolve(scaled)
-    if scaled.goals:  # SLSQP is fragile far from its equalities, so that they are met first
-        point, more = _correct(scaled, point)
-        iterations += more
+    point, more = _correct(scaled, point)  # SLSQP is fragile far from its equalities
+    iterations += more
     if method != "corrector":
         point, more = _descend(scaled, point)
         iterations += more
@@ -170,29 +169,35 @@ def search(
 
 
 def _correct(scaled: _ScaledProblem, start: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return the point at which the goals are met or nearest to it, and the number of iterations.
+    """Return the point at which goals and limits are met or nearest to it, and the number of iterations.
 
-    Each step is that of Gauss and Newton, the shortest of those that meet the linearised goals, within the bounds and a
-    box. The box shrinks where a step makes the goals worse (bounded linear least squares; Stark and Parker 1995).
+    A limit that is kept has no error. Each step is that of Gauss and Newton, the shortest of those that meet the
+    linearised rows, within the bounds and a box, by bounded linear least squares (Stark and Parker 1995). The box
+    shrinks where a step makes the errors worse.
     """
     from scipy.optimize import lsq_linear
 
-    goals, n = scaled.goals, len(start)
-    tolerances = np.array([scaled.problem.rows[k].tolerance for k in goals])
-    wanted = np.array([scaled.problem.rows[k].low for k in goals])
+    n, rows = len(start), scaled.problem.rows
+    tolerances = np.array([row.tolerance for row in rows])
 
     def find_errors(point: np.ndarray) -> np.ndarray | None:
+        """Return the errors (row,) beyond the bounds, in tolerances, with their signs."""
         values = scaled.flights.fly(point)
-        return None if values is None else (values[goals] - wanted) / tolerances
+        if values is None:
+            return None
+        values = values[: len(rows)]
+        return (values - np.clip(values, [row.low for row in rows], [row.high for row in rows])) / tolerances
 
     point, errors, radius, iterations = start, find_errors(start), _CORRECTION, 0
     slopes: np.ndarray | None = None
+    goals = np.array([row.is_goal for row in rows])
     while errors is not None and np.abs(errors).max() > _STOP and radius > _LEAST_CORRECTION:
         if iterations == scaled.problem.targeter.max_iterations:
             break
         iterations += 1
         if slopes is None:
-            slopes = scaled.differentiate(point, one_sided=True)[goals] / tolerances[:, None]
+            slopes = scaled.differentiate(point, one_sided=True)[: len(rows)] / tolerances[:, None]
+            slopes[(errors == 0.0) & ~goals] = 0.0  # a limit that is kept
         short = _SHORTEST * np.linalg.norm(slopes) * np.eye(n)  # of steps that do the same, the shortest
         # Strictly ordered bounds: a variable at its bound keeps a sliver of room.
         low, high = np.maximum(-radius, -point) - 1e-15, np.minimum(radius, 1.0 - point) + 1e-15
@@ -233,9 +238,8 @@ def _descend(scaled: _ScaledProblem, start: np.ndarray) -> tuple[np.ndarray, int
         )
         iterations += int(solution.nit)
         reached = _choose_flown(scaled, solution.x) if np.isfinite(solution.x).all() else point
-        if scaled.goals:
-            reached, more = _correct(scaled, reached)
-            iterations += more
+        reached, more = _correct(scaled, reached)
+        iterations += more
         reached_merit = scaled.merit(reached)
         gained, moved = max(np.subtract(merit, reached_merit)), float(np.abs(reached - point).max())
         if reached_merit < merit:

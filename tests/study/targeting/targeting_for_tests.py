@@ -55,7 +55,9 @@ preset = "gsfl_1064"
 
 def rendezvous(forces="", target=None, at_s=3600.0):
     """Return the scenario of a rendezvous by two impulses."""
-    motion = f'type = "nonlinear"\nrelative_to = "client"\nposition_m = {list(START_M)}\nvelocity_m_s = [0, 0, 0]\n{forces}'
+    motion = (
+        f'type = "nonlinear"\nrelative_to = "client"\nposition_m = {list(START_M)}\nvelocity_m_s = [0, 0, 0]\n{forces}'
+    )
     pushes = [(0.0, (0.0, 0.1, 0.0), "chief_rtn"), (at_s, (0.0, 0.1, 0.0), "chief_rtn")]
     return scenario(target or circle(), motion, pushes)
 
