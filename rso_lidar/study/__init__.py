@@ -1,4 +1,4 @@
-"""Studies of scenarios and recordings: link budgets, encounters, timelines, trades, targeting, tracking, maps and requirements."""
+"""Studies of scenarios and recordings: link budgets, encounters, timelines, trades, targeters, tracking and requirements."""
 
 from typing import TYPE_CHECKING
 

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.files import expand_user
-from rso_lidar.part import Count, Name, NotNegative, Number, Part, Positive, Text, Vector, Whole
+from rso_lidar.part import Count, Name, NotNegative, Number, Part, Positive, Text, Vector
 from rso_lidar.scenario import FilePart, Scenario, find_target
 from rso_lidar.study.targeting.quantities import QUANTITIES, VECTORS
 
@@ -139,14 +139,6 @@ class Targeter(FilePart):
     minimize: QuantityName | None = Field(
         default=None, description="Quantity of the run that is made least, such as `delta_v_m_s`. If omitted, none."
     )
-    method: Literal["corrector", "gradient", "global"] | None = Field(
-        default=None,
-        description=(
-            "`corrector`: differential corrector (trust-region least squares), for goals alone. `gradient`: sequential "
-            "quadratic programming (SLSQP). `global`: differential evolution between the bounds, then `gradient`. If "
-            "omitted, `corrector` without limits and `minimize`, else `gradient`."
-        ),
-    )
     max_iterations: Annotated[Count, Field(le=10_000)] = Field(
         default=100, description="Greatest number of iterations. Default: a choice."
     )
@@ -157,7 +149,6 @@ class Targeter(FilePart):
             "limit is not checked."
         ),
     )
-    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = Field(default=0, description="Random seed of `global`.")
     variable: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=MOST_VARIABLES)] = Field(
         description="Fields that may change."
     )
@@ -175,14 +166,12 @@ class Targeter(FilePart):
         if self.minimize is not None and QUANTITIES[self.minimize].of_states is not None:
             of_run = ", ".join(name for name, quantity in QUANTITIES.items() if quantity.of_states is None)
             raise ValueError(f"minimize: '{self.minimize}' is of an instant; give one of the run: {of_run}")
-        if self.method == "corrector" and (self.limit or self.minimize is not None or not self.goal):
-            raise ValueError("method: a corrector solves goals alone; use 'gradient', or leave method out")
         return self
 
     @property
     def chosen_method(self) -> str:
-        """The method that is used: `corrector`, `gradient` or `global`."""
-        return self.method or ("gradient" if self.limit or self.minimize is not None else "corrector")
+        """The method that is used: `corrector` or `gradient`."""
+        return "corrector" if self.minimize is None else "gradient"
 
     def scenario_file(self) -> Path:
         """Find the scenario file, or raise `ScenarioError`."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 
 import numpy as np
 
@@ -78,6 +78,11 @@ class TargetingProblem:
         low = np.array([variable.low for variable in self.targeter.variable])
         return low, np.array([variable.high for variable in self.targeter.variable]) - low
 
+    @cached_property
+    def _tree(self) -> dict[str, object]:
+        """The scenario's text as a tree."""
+        return parse_toml(self.text, self.targeter.where, ScenarioError)
+
     def find_values(self, point: np.ndarray) -> tuple[float, ...]:
         """Return the values of the fields at a scaled point (variable,)."""
         low, width = self.spans
@@ -102,7 +107,7 @@ class TargetingProblem:
         with suppress_warnings():
             scenario = self.load(values)
             flight = TargetedFlight(scenario, self.targeter.find_target_name(scenario))
-            tree = parse_toml(self.text, self.targeter.where, ScenarioError)
+            tree = deepcopy(self._tree)
             for setting in (*self.targeter.set, *self.list_settings(values)):
                 apply_setting(tree, setting)
             flown = self._find_rows(flight, tree, scenario.time.duration_s)
@@ -158,19 +163,10 @@ class TargetingProblem:
 
 
 class Flights:
-    """Flights of a problem that are remembered, so that no point is flown twice.
+    """Flights of a problem that are remembered, so that no point is flown twice."""
 
-    Parameters
-    ----------
-    problem : the problem
-    executor : flies several points at once; None for one after the other
-    on_flight : called with the number of flights
-    """
-
-    def __init__(
-        self, problem: TargetingProblem, executor: Executor | None, on_flight: Callable[[int], None] | None
-    ) -> None:
-        self.problem, self._executor, self._on_flight = problem, executor, on_flight
+    def __init__(self, problem: TargetingProblem) -> None:
+        self.problem = problem
         self._known: dict[tuple[float, ...], np.ndarray | str] = {}
         self.last_failure = ""
 
@@ -183,15 +179,10 @@ class Flights:
         """Fly scaled points (point, variable); None in place of the values where one cannot be flown."""
         keys = [self.problem.find_values(point) for point in points]
         new = [key for key in dict.fromkeys(keys) if key not in self._known]
-        fly = partial(TargetingProblem.try_fly, self.problem)
-        for key, outcome in zip(
-            new, map(fly, new) if self._executor is None else self._executor.map(fly, new), strict=True
-        ):
-            self._known[key] = outcome
+        for key in new:
+            outcome = self._known[key] = self.problem.try_fly(key)
             if isinstance(outcome, str):
                 self.last_failure = outcome
-            if self._on_flight is not None:
-                self._on_flight(self.count)
         outcomes = (self._known[key] for key in keys)
         return [None if isinstance(outcome, str) else outcome for outcome in outcomes]
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,7 +12,6 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import align_columns, check_writable, write_atomically, write_columns
 from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, save_figure
-from rso_lidar.processes import check_workers, open_executor
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.targeting.definition import Targeter
 from rso_lidar.study.targeting.problem import TargetingProblem, make_problem
@@ -23,7 +20,7 @@ from rso_lidar.study.targeting.solver import list_active, search
 from rso_lidar.study.targeting.targeting_figure import Leg, targeting_figure
 
 _DRAWN = 721  # samples of a path in the figure
-_NAMES = {"corrector": "differential corrector", "gradient": "SLSQP", "global": "differential evolution and SLSQP"}
+_NAMES = {"corrector": "differential corrector", "gradient": "differential corrector and SLSQP"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +118,8 @@ class SolvedPlan:
         """Describe the solution in lines of text, at most 80 characters wide where names allow it."""
         targeter = self.problem.targeter
         lines = [
-            f"{targeter.name}: solved by {_NAMES[targeter.chosen_method]}",
-            f"  {self.iterations} iterations, {self.flights} flights",
+            f"{targeter.name}",
+            f"  {_NAMES[targeter.chosen_method]}: {self.iterations} iterations, {self.flights} flights",
         ]
         variables = [["variable", "before", "after"]] + [
             [variable.field.removeprefix("follower.motion."), f"{before:.7g}", f"{after:.7g}"]
@@ -212,25 +209,19 @@ class SolvedPlan:
 def solve_targeter(
     targeter: Targeter | str | Path,
     *,
-    workers: int | None = None,
-    executor: Executor | None = None,
     trust_code: bool = False,
-    on_flight: Callable[[int], None] | None = None,
 ) -> SolvedPlan:
     """Solve a targeter: find values of a scenario's fields at which its flight meets goals and limits.
 
-    Each point is one flight of the scenario by its own motion and forces. A square set of goals is solved by a
-    differential corrector (trust-region least squares, scipy's `least_squares`), limits and a minimised quantity by
-    sequential quadratic programming (SLSQP; Kraft 1988), and a search between the bounds by differential evolution
-    (Storn and Price 1997). Derivatives are central differences of flights, of 1e-5 of the width between bounds.
+    Each point is one flight of the scenario by its own motion and forces. A differential corrector (Gauss-Newton steps
+    within the bounds) meets goals and limits. For a minimised quantity, sequential quadratic programming (SLSQP; Kraft
+    1988) goes on from there. Derivatives are differences of flights over 1e-4 of the width between bounds. A minimum is
+    a local one.
 
     Parameters
     ----------
     targeter : the targeter, or the path of its file
-    workers : number of processes that fly the points of a gradient or generation (None: this one alone)
-    executor : in the manner of `concurrent.futures`, in place of `workers`. It changes no result
     trust_code : whether Python code that the scenario names may run
-    on_flight : called with the number of flights after each
 
     Returns
     -------
@@ -247,12 +238,7 @@ def solve_targeter(
         targeter = Targeter.load(targeter)
     if not isinstance(targeter, Targeter):
         raise ScenarioError(f"targeter: needs a Targeter or the path of its file, not {type(targeter).__name__}")
-    check_workers(workers, executor)
     problem = make_problem(targeter, trust_code=trust_code)
-    if executor is None and workers is not None and workers > 1:
-        with open_executor(workers) as pool:
-            ending = search(problem, pool, on_flight)
-    else:
-        ending = search(problem, executor, on_flight)
+    ending = search(problem)
     values = problem.find_values(ending.point)
     return SolvedPlan(problem, values, ending.start_values, ending.values, ending.iterations, ending.flights)

@@ -1,9 +1,7 @@
-"""Solution of targeting problems: differential corrector, sequential quadratic programming, differential evolution."""
+"""Solution of targeting problems: differential corrector and sequential quadratic programming."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +12,6 @@ from rso_lidar.study.targeting.problem import Flights, Row, TargetingProblem
 _STEP = 1e-4  # of the width between bounds: above the noise of the integrator (1e-13), and small beside curvature
 _STOP = 0.1  # of the tolerances, at which the corrector stops
 _PENALTY = 1e3  # of a point that cannot be flown, in scaled units of which the whole width moves a row by about one
-_WEIGHT = 10.0  # of violations beside the minimised quantity in the global search (exact penalty)
-_POPULATION = 10  # points for each variable (Storn and Price 1997 suggest 5 to 10)
 _RADIUS = 0.2  # of the width between bounds: half the first box of a run of SLSQP
 _LEAST_RADIUS = 1e-3
 _RUN = 25  # iterations of SLSQP in one box
@@ -143,23 +139,12 @@ class _ScaledProblem:
         missed = sum((row.error(value) - row.tolerance) / unit for row, value, unit in rows if not row.is_met(value))
         return float(missed), self.cost(point)
 
-    def penalised_cost(self, point: np.ndarray) -> float:
-        """Return the cost with the violations of goals and limits."""
-        violation = float(np.sum(np.abs(self.residuals(point))) - np.sum(np.minimum(self.margins(point), 0.0)))
-        return self.cost(point) + _WEIGHT * violation
 
-
-def search(
-    problem: TargetingProblem, executor: Executor | None = None, on_flight: Callable[[int], None] | None = None
-) -> Search:
+def search(problem: TargetingProblem) -> Search:
     """Search for the point that meets all goals and limits; raise `ScenarioError` where none is reached."""
-    scaled = _ScaledProblem(Flights(problem, executor, on_flight))
-    method, point, iterations = problem.targeter.chosen_method, scaled.start, 0
-    if method == "global":
-        point, iterations = _evolve(scaled)
-    point, more = _correct(scaled, point)  # SLSQP is fragile far from its equalities
-    iterations += more
-    if method != "corrector":
+    scaled = _ScaledProblem(Flights(problem))
+    point, iterations = _correct(scaled, scaled.start)  # SLSQP is fragile far from its equalities
+    if problem.targeter.chosen_method != "corrector":
         point, more = _descend(scaled, point)
         iterations += more
     values = scaled.flights.fly(point)
@@ -251,29 +236,6 @@ def _descend(scaled: _ScaledProblem, start: np.ndarray) -> tuple[np.ndarray, int
     return point, iterations
 
 
-def _evolve(scaled: _ScaledProblem) -> tuple[np.ndarray, int]:
-    """Return the best point of a differential evolution between the bounds, and the number of generations."""
-    from scipy.optimize import differential_evolution
-
-    def fly_generation(points: np.ndarray) -> np.ndarray:
-        scaled.flights.fly_all(np.atleast_2d(points.T))
-        return np.array([scaled.penalised_cost(point) for point in np.atleast_2d(points.T)])
-
-    solution = differential_evolution(
-        fly_generation,
-        [(0.0, 1.0)] * len(scaled.start),
-        x0=scaled.start,
-        maxiter=scaled.problem.targeter.max_iterations,
-        popsize=_POPULATION,
-        tol=1e-3,
-        rng=np.random.Generator(np.random.Philox(np.random.SeedSequence(scaled.problem.targeter.seed))),
-        polish=False,
-        updating="deferred",
-        vectorized=True,
-    )
-    return _choose_flown(scaled, solution.x), int(solution.nit)
-
-
 def _choose_flown(scaled: _ScaledProblem, point: np.ndarray) -> np.ndarray:
     """Return a point within the bounds that can be flown: the start where the given one cannot."""
     inside = np.clip(point, 0.0, 1.0)
@@ -310,7 +272,7 @@ def _advise(problem: TargetingProblem, iterations: int) -> str:
     n_goals = sum(row.is_goal for row in problem.rows)
     if n_goals > len(problem.targeter.variable):
         return f"{n_goals} goals for {len(problem.targeter.variable)} variables: add variables, or relax a limit"
-    return 'start nearer (initial), relax it, or search everywhere (method = "global")'
+    return "start nearer (initial), or relax it"
 
 
 def list_active(problem: TargetingProblem, values: np.ndarray) -> list[Row]:
