@@ -45,6 +45,7 @@ def test_a_solved_scenario_a_table_and_text_of_eighty_columns(rso_lidar, file, t
         ('scenario = "flight.toml"', 'scenario = "none.toml"', "no file 'none.toml'"),
         ('scenario = "flight.toml"', 'scenario = "flight.toml"\nminimize = "range_m"', "is of an instant"),
         ('scenario = "flight.toml"', 'scenario = "flight.toml"\ntarget = "nobody"', "nobody"),
+        (HOLD, "", "has nothing to reach"),
         ("low = -2\nhigh = 2", "low = -0.001\nhigh = 0.001\ninitial = 0", "cannot be reached"),
     ],
 )

@@ -161,8 +161,8 @@ class Targeter(FilePart):
         twice = [name for name, n in Counter(variable.field for variable in self.variable).items() if n > 1]
         if twice:
             raise ValueError(f"variable: '{twice[0]}' is given twice; name each field once")
-        if not self.goal and not self.limit and self.minimize is None:
-            raise ValueError('has nothing to reach; add [[goal]] or [[limit]], or minimize = "delta_v_m_s"')
+        if not self.goal and not self.limit:
+            raise ValueError("has nothing to reach; add [[goal]] or [[limit]]")
         if self.minimize is not None and QUANTITIES[self.minimize].of_states is not None:
             of_run = ", ".join(name for name, quantity in QUANTITIES.items() if quantity.of_states is None)
             raise ValueError(f"minimize: '{self.minimize}' is of an instant; give one of the run: {of_run}")

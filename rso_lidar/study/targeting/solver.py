@@ -226,8 +226,9 @@ def _descend(scaled: _ScaledProblem, start: np.ndarray) -> tuple[np.ndarray, int
         reached, more = _correct(scaled, reached)
         iterations += more
         reached_merit = scaled.merit(reached)
-        gained, moved = max(np.subtract(merit, reached_merit)), float(np.abs(reached - point).max())
+        gained, moved = 0.0, float(np.abs(reached - point).max())
         if reached_merit < merit:
+            gained = max(merit[0] - reached_merit[0], merit[1] - reached_merit[1])
             point, merit = reached, reached_merit
         if gained < 10.0 * _COST_CHANGE:
             if merit[0] == 0.0 and moved < 0.9 * radius:

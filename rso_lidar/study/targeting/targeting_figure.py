@@ -15,8 +15,14 @@ _FAR_M = 20_000.0
 
 
 class Leg(NamedTuple):
-    """A flown path: instants (time,) [s], positions (time, 3) in rtn axes [m], phase angles (time,) [deg], and rows
-    (impulse, 2) of instant [s] and delta-v [m/s].
+    """A flown path with its phase angles and impulses.
+
+    Parameters
+    ----------
+    time_s : (time,) [s]
+    position_m : (time, 3) in rtn axes [m]
+    phase_deg : (time,) [deg]
+    pushes : rows (impulse, 2) of instant [s] and delta-v [m/s]
     """
 
     time_s: np.ndarray
