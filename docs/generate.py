@@ -36,7 +36,8 @@ from rso_lidar.mission_analysis import list_materials
 from rso_lidar.part import describe_type
 from rso_lidar.records import PART_CLASSES
 from rso_lidar.scenario import load_presets
-from rso_lidar.study import Requirements, Study
+from rso_lidar.study import Requirements, Study, Targeter
+from rso_lidar.study.targeting.quantities import QUANTITIES
 from rso_lidar.study.trades.merits import MERITS
 
 DOCS = Path(__file__).resolve().parent
@@ -92,6 +93,7 @@ def pages(*names: str) -> dict[Path, str]:
         "orbits.md": {"rotations": spin_presets, "flown plans": flown_plans},
         "studies.md": {"merits": merits, "study keys": study_keys},
         "requirements.md": {"requirement keys": requirement_keys},
+        "targeting.md": {"targeter keys": targeter_keys, "quantities": quantities},
         "camera_fit.md": {"curve keys": curve_keys},
         "protocol.md": {"requests": request_keys},
         "datasets.md": {"arrays": shard_arrays, "spec keys": dataset_keys},
@@ -311,6 +313,24 @@ def _requirement_sections() -> dict[type[part.Part], Section]:
 def requirement_keys() -> str:
     """Return a section with a table of keys for each part of a requirements file."""
     return _key_tables(_requirement_sections())
+
+
+def _targeter_sections() -> dict[type[part.Part], Section]:
+    found: dict[type[part.Part], Section] = {Targeter: Section("the targeter file", 3, [], False)}
+    _collect(Targeter, "", 3, found)
+    return found
+
+
+def targeter_keys() -> str:
+    """Return a section with a table of keys for each part of a targeter file."""
+    return _key_tables(_targeter_sections())
+
+
+def quantities() -> str:
+    """Return what each quantity of a targeter is."""
+    return _table(
+        ("quantity", "unit", "what it is"), [(f"`{name}`", row.unit, row.meaning) for name, row in QUANTITIES.items()]
+    )
 
 
 def curve_keys() -> str:

@@ -1,4 +1,4 @@
-"""Studies of scenarios and recordings: link budgets, encounters, timelines, trades, tracking, maps and requirements."""
+"""Studies of scenarios and recordings: link budgets, encounters, timelines, trades, targeters, tracking and requirements."""
 
 from typing import TYPE_CHECKING
 
@@ -72,6 +72,13 @@ if TYPE_CHECKING:
         DispersedMission,
         disperse,
     )
+    from rso_lidar.study.targeting.definition import (
+        Targeter,
+    )
+    from rso_lidar.study.targeting.solved_plan import (
+        SolvedPlan,
+        solve_targeter,
+    )
     from rso_lidar.study.trades.definition import (
         Study,
     )
@@ -126,7 +133,9 @@ __all__ = [
     "Requirements",
     "SetErrorTable",
     "SetErrors",
+    "SolvedPlan",
     "Study",
+    "Targeter",
     "Timeline",
     "Tracking",
     "Trade",
@@ -162,6 +171,7 @@ __all__ = [
     "save_tracking_data",
     "save_truth",
     "scenario_text",
+    "solve_targeter",
     "timeline",
     "tracking",
     "trade",

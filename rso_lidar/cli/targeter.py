@@ -1,0 +1,39 @@
+"""`rso-lidar targeter`: impulses and times of a scenario that reach goals within limits."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar.cli.arguments import Dark, Overwrite, TrustCode, choose_scheme
+from rso_lidar.cli.terminal import echo
+from rso_lidar.files import check_writable
+from rso_lidar.study import SolvedPlan, Targeter, solve_targeter
+
+
+def targeter(
+    file: Annotated[Path, typer.Argument(metavar="TARGETER", help="Targeter file (TOML).")],
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="File to write: solved scenario (.toml), table (.csv, .json), picture (.png); again for more.",
+        ),
+    ] = None,
+    trust_code: TrustCode = False,
+    dark: Dark = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Find values of a scenario's fields at which its flight meets goals and limits.
+
+    The flight has the motion and forces of the scenario. With `minimize`, the plan of least delta-v nearby is found.
+    """
+    places = [check_writable(place, SolvedPlan.SUFFIXES, overwrite=overwrite) for place in output or ()]
+    scheme = choose_scheme(dark, places)
+    plan = solve_targeter(Targeter.load(file), trust_code=trust_code)
+    for place in places:
+        plan.save(place, scheme)
+    echo(plan.describe())
+    for place in places:
+        echo(place)
