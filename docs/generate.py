@@ -37,7 +37,7 @@ from rso_lidar.part import describe_type
 from rso_lidar.records import PART_CLASSES
 from rso_lidar.scenario import load_presets
 from rso_lidar.study import Requirements, Study, Targeter
-from rso_lidar.study.targeting.quantities import QUANTITIES
+from rso_lidar.study.targeting.flight_quantities import QUANTITIES
 from rso_lidar.study.trades.merits import MERITS
 
 DOCS = Path(__file__).resolve().parent

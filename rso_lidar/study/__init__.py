@@ -72,12 +72,12 @@ if TYPE_CHECKING:
         DispersedMission,
         disperse,
     )
-    from rso_lidar.study.targeting.definition import (
-        Targeter,
-    )
     from rso_lidar.study.targeting.solved_plan import (
         SolvedPlan,
         solve_targeter,
+    )
+    from rso_lidar.study.targeting.targeter_file import (
+        Targeter,
     )
     from rso_lidar.study.trades.definition import (
         Study,

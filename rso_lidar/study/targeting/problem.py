@@ -12,8 +12,8 @@ import numpy as np
 from rso_lidar.errors import RsoLidarError, RunError, ScenarioError, SettingError, add_place, suppress_warnings
 from rso_lidar.part import parse_toml
 from rso_lidar.scenario import Scenario, apply_setting, get_field, read_toml
-from rso_lidar.study.targeting.definition import Goal, Instant, Limit, Targeter
-from rso_lidar.study.targeting.quantities import QUANTITIES, TargetedFlight
+from rso_lidar.study.targeting.flight_quantities import QUANTITIES, TargetedFlight
+from rso_lidar.study.targeting.targeter_file import Goal, Instant, Limit, Targeter
 
 _COMPONENTS = ("radial", "along-track", "cross-track")
 
@@ -129,7 +129,7 @@ class TargetingProblem:
 
     def _find_rows(self, flight: TargetedFlight, tree: dict[str, object], end_s: float) -> list[float]:
         """Return the values of the rows; the instants of all rows are flown at once."""
-        conditions = [(f"goal[{k}]", goal) for k, goal in enumerate(self.targeter.goal)]
+        conditions: list[tuple[str, Goal | Limit]] = [(f"goal[{k}]", goal) for k, goal in enumerate(self.targeter.goal)]
         conditions += [(f"limit[{k}]", limit) for k, limit in enumerate(self.targeter.limit)]
         instants_s = []
         for place, condition in conditions:

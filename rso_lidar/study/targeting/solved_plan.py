@@ -13,10 +13,10 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.files import align_columns, check_writable, write_atomically, write_columns
 from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, save_figure
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.targeting.definition import Targeter
+from rso_lidar.study.targeting.flight_quantities import QUANTITIES, TargetedFlight
 from rso_lidar.study.targeting.problem import TargetingProblem, make_problem
-from rso_lidar.study.targeting.quantities import QUANTITIES, TargetedFlight
 from rso_lidar.study.targeting.solver import list_active, search
+from rso_lidar.study.targeting.targeter_file import Targeter
 from rso_lidar.study.targeting.targeting_figure import Leg, targeting_figure
 
 _DRAWN = 721  # samples of a path in the figure

@@ -126,7 +126,7 @@ class _ScaledProblem:
     def cost_slopes(self, point: np.ndarray) -> np.ndarray:
         """Return the derivatives (variable,) of `cost`."""
         if self.problem.targeter.minimize is None:
-            return point - self.start
+            return np.asarray(point - self.start)
         slopes: np.ndarray = self.differentiate(point)[-1] / self.units[-1]
         return slopes
 
@@ -171,7 +171,10 @@ def _correct(scaled: _ScaledProblem, start: np.ndarray) -> tuple[np.ndarray, int
         if values is None:
             return None
         values = values[: len(rows)]
-        return (values - np.clip(values, [row.low for row in rows], [row.high for row in rows])) / tolerances
+        misses: np.ndarray = (
+            values - np.clip(values, [row.low for row in rows], [row.high for row in rows])
+        ) / tolerances
+        return misses
 
     point, errors, radius, iterations = start, find_errors(start), _CORRECTION, 0
     slopes: np.ndarray | None = None
@@ -241,7 +244,7 @@ def _choose_flown(scaled: _ScaledProblem, point: np.ndarray) -> np.ndarray:
     """Return a point within the bounds that can be flown: the start where the given one cannot."""
     inside = np.clip(point, 0.0, 1.0)
     usable = bool(np.isfinite(inside).all()) and scaled.flights.fly(inside) is not None
-    return inside if usable else scaled.start
+    return np.asarray(inside if usable else scaled.start)
 
 
 def _check(scaled: _ScaledProblem, point: np.ndarray, values: np.ndarray, iterations: int) -> None:

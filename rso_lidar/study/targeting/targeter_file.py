@@ -12,7 +12,7 @@ from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.files import expand_user
 from rso_lidar.part import Count, Name, NotNegative, Number, Part, Positive, Text, Vector
 from rso_lidar.scenario import FilePart, Scenario, find_target
-from rso_lidar.study.targeting.quantities import QUANTITIES, VECTORS
+from rso_lidar.study.targeting.flight_quantities import QUANTITIES, VECTORS
 
 MOST_VARIABLES = 50  # with as many impulses as plans have; a gradient needs two flights for each
 _MOST_ROWS = 200

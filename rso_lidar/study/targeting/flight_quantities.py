@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rso_lidar import units
 from rso_lidar.motion import Body, Chief, find_flight, find_plan, get_chief_name
 from rso_lidar.orbit import Epochs, Impulse, angle_rad, phase_angle_rad, rotate_to_inertial, sun_position_m
+from rso_lidar.part import Vector
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo import relative_elements_from_states, rtn_matrix
@@ -53,10 +54,9 @@ class States:
 
     @cached_property
     def _relative(self) -> tuple[np.ndarray, np.ndarray]:
-        if get_chief_name(self._body.motion) == self._name:
-            position_m, velocity_m_s = self._body.motion.relative(
-                self.epochs, self._chief
-            )  # no difference of large numbers
+        motion: Any = self._body.motion
+        if get_chief_name(motion) == self._name:  # no difference of large numbers
+            position_m, velocity_m_s = motion.relative(self.epochs, self._chief)
             return position_m, velocity_m_s
         axes, rate_rad_s = rtn_matrix(self.target.position_m, self.target.velocity_m_s)
         turned = np.swapaxes(axes, -1, -2)
@@ -87,14 +87,14 @@ class TargetedFlight:
         return States(self._scenario, self._target, time_s)
 
     @cached_property
-    def _commands(self) -> list[tuple[float, float, tuple[float, ...], str]]:
+    def _commands(self) -> list[tuple[float, float, Vector, Any]]:
         """Impulses and burns of the run: start [s], delta-v [m/s], direction of any length, and its axes."""
         bodies, time = self._scenario.bodies, self._scenario.time
         flight, plan = find_flight(self._body, bodies, time.start_utc), find_plan(self._body, bodies, time.start_utc)
-        listed: list[tuple[float, float, tuple[float, ...], str]] = []
+        listed: list[tuple[float, float, Vector, Any]] = []
         if flight is not None or plan is not None:
             commands = flight.list_commands(time.duration_s) if flight is not None else plan.impulses if plan else ()
-            listed = [(push.time_s, push.size_m_s, tuple(push.delta_v_m_s), "chief_rtn") for push in commands]
+            listed = [(push.time_s, push.size_m_s, _as_vector(push.delta_v_m_s), "chief_rtn") for push in commands]
         for maneuver in getattr(self._body.motion, "maneuvers", ()):
             vector = maneuver.delta_v_m_s if isinstance(maneuver, Impulse) else maneuver.acceleration_m_s2
             along = vector or maneuver.thrust_n
@@ -243,3 +243,8 @@ QUANTITIES: dict[str, Quantity] = {
     ),
 }
 VECTORS = ("position_m", "velocity_m_s")
+
+
+def _as_vector(array: np.ndarray) -> Vector:
+    x, y, z = array.tolist()
+    return x, y, z
