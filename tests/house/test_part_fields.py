@@ -23,6 +23,17 @@ UNITS = {  # how a name ends, and what its description says in brackets
 }  # fmt: skip
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS)
 NO_SUFFIX = {  # name: why it needs none
+    "absorbed": "a share",
+    "accommodation": "a share",
+    "cross_covariance": "metres and seconds, by row and column",
+    "equals": "in the unit of its quantity",
+    "initial": "in the unit of the field that it is of",
+    "matrix": "metres and seconds, by row and column",
+    "max_iterations": "a number of iterations",
+    "reradiated": "a share",
+    "speed_ratio": "of two speeds",
+    "tolerance": "in the unit of its quantity",
+    "wall_temperature_ratio": "of two temperatures",
     "intensity_bits": "a number of bits",
     "no_return_word": "a word, in steps of the quantum",
     "range_bits": "a number of bits",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,6 +18,13 @@ if TYPE_CHECKING:
 
 class _AngleLaw(Part):
     """Base of all laws of a hinge angle."""
+
+    follows_sun: ClassVar[bool] = False
+
+    @property
+    def turns(self) -> bool:
+        """Whether the angle changes."""
+        return True
 
     def complete(self, normal: Vector | None) -> Self:
         """Complete the law by what the model's index declares for the hinge.
@@ -40,6 +47,11 @@ class FixedAngle(_AngleLaw):
     angle_deg: Number = Field(default=0.0, description="Hinge angle at `start_utc` [deg].")
     rate_deg_s: Number = Field(default=0.0, description="Constant rate of the hinge angle [deg/s].")
 
+    @property
+    def turns(self) -> bool:
+        """Whether the angle changes."""
+        return self.rate_deg_s != 0.0
+
 
 class FollowSun(_AngleLaw):
     """A hinge that turns `normal` (body axes, at angle zero) as close to the Sun as its axis allows, also in eclipse.
@@ -48,6 +60,7 @@ class FollowSun(_AngleLaw):
     model's index declares one for this hinge.
     """
 
+    follows_sun: ClassVar[bool] = True
     type: Literal["follow_sun"] = "follow_sun"
     normal: Direction | None = Field(
         default=None,

@@ -13,7 +13,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, suppress_warnings
-from rso_lidar.motion import Body, FixedAngle, FollowSun, HingeAxes, PrescribedAttitude
+from rso_lidar.motion import Body, HingeAxes, PrescribedAttitude
 from rso_lidar.orbit import FacetModel, Finish
 from rso_lidar.records import FacetTable
 from rso_lidar.scenario.mission.target_surfaces import build_whole_surface, name_part_materials
@@ -150,9 +150,9 @@ def find_facets(
 
 
 def _check_hinge(joint: HingeAxes, model: FacetModel) -> None:
-    if isinstance(joint.angle, FixedAngle) and joint.angle.rate_deg_s == 0.0:
+    if not joint.angle.turns:
         return
-    if not isinstance(joint.angle, FollowSun):
+    if not joint.angle.follows_sun:
         raise ScenarioError(
             f"joint {joint.name}: turns with time, which a table of facets over directions cannot hold; fix its angle, or "
             "let it follow the Sun with drag = false"

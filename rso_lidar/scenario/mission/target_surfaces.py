@@ -125,10 +125,9 @@ def name_part_materials(target: Target, mesh: Mesh) -> dict[str, str]:
     named = {}
     for part in mesh.part_names:
         material = target.part_materials.get(part, own.get(part, target.material))
-        if isinstance(material, Named):
-            named[part] = material.name
-        elif isinstance(material, str):
-            named[part] = material
+        name = getattr(material, "name", material)
+        if isinstance(name, str):
+            named[part] = name
     return named
 
 

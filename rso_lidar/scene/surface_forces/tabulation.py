@@ -155,10 +155,10 @@ def measure_error(loads: FacetLoads, table: FacetTable, count: int = 200) -> tup
     ways = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
     direct = np.array([loads.compute(way) for way in ways])
     errors = []
-    for column, found, whole in (
+    for column, tabulated, whole in (
         (0, table.find_light_load(ways)[0], table.light_force_m2),
         (2, table.find_air_load(ways)[0], table.air_force_m2),
     ):
         greatest = float(np.linalg.norm(whole, axis=-1).max())
-        errors.append(float(np.linalg.norm(found - direct[:, column], axis=-1).max()) / greatest)
+        errors.append(float(np.linalg.norm(tabulated - direct[:, column], axis=-1).max()) / greatest)
     return errors[0], errors[1]

@@ -143,7 +143,7 @@ class TargetedFlight:
         return float(np.min(angle_rad(np.array([push.direction for push in pushes]), away_m))) / units.DEG
 
 
-class Quantity(NamedTuple):
+class FlightQuantity(NamedTuple):
     """A quantity of a flight: unit, meaning, and its values (time,) or (time, 3) from states; None for one of a run."""
 
     unit: str
@@ -200,45 +200,47 @@ def _element(number: int) -> Callable[[States], np.ndarray]:
 
 _ELEMENTS = ("a", "lambda", "ex", "ey", "ix", "iy")
 
-QUANTITIES: dict[str, Quantity] = {
-    "position_m": Quantity("m", "Position in the target's rtn axes; three numbers.", lambda at: at.position_m),
-    "velocity_m_s": Quantity(
+QUANTITIES: dict[str, FlightQuantity] = {
+    "position_m": FlightQuantity("m", "Position in the target's rtn axes; three numbers.", lambda at: at.position_m),
+    "velocity_m_s": FlightQuantity(
         "m/s", "Velocity relative to the target's rotating rtn axes; three numbers.", lambda at: at.velocity_m_s
     ),
-    "radial_m": Quantity("m", "Radial position.", lambda at: at.position_m[:, 0]),
-    "along_track_m": Quantity("m", "Along-track position.", lambda at: at.position_m[:, 1]),
-    "cross_track_m": Quantity("m", "Cross-track position.", lambda at: at.position_m[:, 2]),
-    "range_m": Quantity("m", "Distance between the origins of follower and target.", lambda at: _norm(at.position_m)),
-    "range_rate_m_s": Quantity("m/s", "Rate of that distance, positive while it grows.", _find_range_rate_m_s),
-    "speed_m_s": Quantity(
+    "radial_m": FlightQuantity("m", "Radial position.", lambda at: at.position_m[:, 0]),
+    "along_track_m": FlightQuantity("m", "Along-track position.", lambda at: at.position_m[:, 1]),
+    "cross_track_m": FlightQuantity("m", "Cross-track position.", lambda at: at.position_m[:, 2]),
+    "range_m": FlightQuantity(
+        "m", "Distance between the origins of follower and target.", lambda at: _norm(at.position_m)
+    ),
+    "range_rate_m_s": FlightQuantity("m/s", "Rate of that distance, positive while it grows.", _find_range_rate_m_s),
+    "speed_m_s": FlightQuantity(
         "m/s", "Magnitude of the velocity relative to the target.", lambda at: _norm(at.velocity_m_s)
     ),
-    "phase_angle_deg": Quantity(
+    "phase_angle_deg": FlightQuantity(
         "deg", "Angle at the target between Sun and follower: 0 with the Sun behind the lidar.", _find_phase_angle_deg
     ),
     **{
-        f"delta_{name}_m": Quantity(
+        f"delta_{name}_m": FlightQuantity(
             "m", f"Osculating relative element delta {name}, times the semi-major axis.", _element(k)
         )
         for k, name in enumerate(_ELEMENTS)
     },
-    "radius_km": Quantity(
+    "radius_km": FlightQuantity(
         "km",
         "Distance of the follower from the Earth's centre.",
         lambda at: _norm(at.follower.position_m) / units.KM,
     ),
-    "semi_major_axis_km": Quantity("km", "Osculating semi-major axis of the follower.", _find_semi_major_axis_km),
-    "eccentricity": Quantity("", "Osculating eccentricity of the follower.", _find_eccentricity),
-    "inclination_deg": Quantity(
+    "semi_major_axis_km": FlightQuantity("km", "Osculating semi-major axis of the follower.", _find_semi_major_axis_km),
+    "eccentricity": FlightQuantity("", "Osculating eccentricity of the follower.", _find_eccentricity),
+    "inclination_deg": FlightQuantity(
         "deg", "Osculating inclination of the follower to the GCRS equator.", _find_inclination_deg
     ),
-    "flight_path_angle_deg": Quantity(
+    "flight_path_angle_deg": FlightQuantity(
         "deg", "Angle of the follower's velocity above the local horizontal.", _find_flight_path_deg
     ),
-    "delta_v_m_s": Quantity("m/s", "Delta-v of the run: impulses, burns, and held legs of a plan.", None),
-    "largest_impulse_m_s": Quantity("m/s", "Greatest delta-v of one impulse or burn.", None),
-    "last_impulse_s": Quantity("s", "Instant of the last impulse or burn.", None),
-    "plume_angle_deg": Quantity(
+    "delta_v_m_s": FlightQuantity("m/s", "Delta-v of the run: impulses, burns, and held legs of a plan.", None),
+    "largest_impulse_m_s": FlightQuantity("m/s", "Greatest delta-v of one impulse or burn.", None),
+    "last_impulse_s": FlightQuantity("s", "Instant of the last impulse or burn.", None),
+    "plume_angle_deg": FlightQuantity(
         "deg", "Least angle between exhaust and the direction to the target, over impulses and burns.", None
     ),
 }

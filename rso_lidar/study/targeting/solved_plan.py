@@ -17,7 +17,7 @@ from rso_lidar.study.targeting.flight_quantities import QUANTITIES, TargetedFlig
 from rso_lidar.study.targeting.problem import TargetingProblem, make_problem
 from rso_lidar.study.targeting.solver import list_active, search
 from rso_lidar.study.targeting.targeter_file import Targeter
-from rso_lidar.study.targeting.targeting_figure import Leg, targeting_figure
+from rso_lidar.study.targeting.targeting_figure import DrawnFlight, targeting_figure
 
 _DRAWN = 721  # samples of a path in the figure
 _NAMES = {"corrector": "differential corrector", "gradient": "differential corrector and SLSQP"}
@@ -193,7 +193,7 @@ class SolvedPlan:
         }
         return json.dumps(tree, indent=2) + "\n"
 
-    def _draw(self, values: tuple[float, ...]) -> Leg:
+    def _draw(self, values: tuple[float, ...]) -> DrawnFlight:
         scenario = self.problem.load(values)
         flight = TargetedFlight(scenario, self.problem.targeter.find_target_name(scenario))
         times = np.unique(
@@ -203,7 +203,7 @@ class SolvedPlan:
         phase = QUANTITIES["phase_angle_deg"].of_states
         assert phase is not None
         pushes = np.array([[push.time_s, push.size_m_s] for push in flight.pushes]).reshape(-1, 2)
-        return Leg(times, states.position_m, phase(states), pushes)
+        return DrawnFlight(times, states.position_m, phase(states), pushes)
 
 
 def solve_targeter(

@@ -30,7 +30,7 @@ def _check_quantity(name: str) -> str:
 QuantityName = Annotated[Text, AfterValidator(_check_quantity)]
 
 
-class Variable(Part):
+class TargeterVariable(Part):
     """One free field of the scenario, with its bounds."""
 
     field: Annotated[Text, Field(pattern=r"^[^=\s]+$")] = Field(
@@ -51,7 +51,7 @@ class Variable(Part):
         return self
 
 
-class _Condition(Part):
+class _TargeterCondition(Part):
     """Base of goals and limits."""
 
     quantity: QuantityName = Field(description="Quantity of the flight.")
@@ -84,7 +84,7 @@ class _Condition(Part):
         return _TOLERANCES[QUANTITIES[self.quantity].unit] if self.tolerance is None else self.tolerance
 
 
-class Goal(_Condition):
+class Goal(_TargeterCondition):
     """One equality that the flight has to reach."""
 
     equals: Number | Vector = Field(
@@ -99,7 +99,7 @@ class Goal(_Condition):
         return self
 
 
-class Limit(_Condition):
+class Limit(_TargeterCondition):
     """One bound that the flight has to keep, at an instant, between two, or all the time."""
 
     between_s: tuple[Instant, Instant] | None = Field(
@@ -149,7 +149,7 @@ class Targeter(FilePart):
             "limit is not checked."
         ),
     )
-    variable: Annotated[tuple[Variable, ...], Field(min_length=1, max_length=MOST_VARIABLES)] = Field(
+    variable: Annotated[tuple[TargeterVariable, ...], Field(min_length=1, max_length=MOST_VARIABLES)] = Field(
         description="Fields that may change."
     )
     goal: Annotated[tuple[Goal, ...], Field(max_length=_MOST_ROWS)] = Field(default=(), description="Equalities.")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _FAR_M = 20_000.0
 
 
-class Leg(NamedTuple):
+class DrawnFlight(NamedTuple):
     """A flown path with its phase angles and impulses.
 
     Parameters
@@ -31,7 +31,7 @@ class Leg(NamedTuple):
     pushes: np.ndarray
 
 
-def targeting_figure(before: Leg, after: Leg, title: str) -> Figure:
+def targeting_figure(before: DrawnFlight, after: DrawnFlight, title: str) -> Figure:
     """Draw the flight before and after targeting."""
     figure = figures.new_figure(9.6, 6.8, title, "grey: before   ·   blue: after   ·   dots: impulses")
     (path, range_axes), (phase_axes, push_axes) = figure.subplots(2, 2)
