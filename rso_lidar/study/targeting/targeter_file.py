@@ -183,7 +183,12 @@ class Targeter(FilePart):
         return path
 
     def find_target_name(self, scenario: Scenario) -> str:
-        """Return the name of the target that quantities are about, or raise `ScenarioError`."""
+        """Return the name of the target that quantities are about, or raise `ScenarioError`.
+
+        Parameters
+        ----------
+        scenario : whose targets are meant
+        """
         with add_place(self.where):
             if scenario.is_local or not scenario.target:
                 raise ScenarioError("scenario: a targeter needs orbits about the Earth, and a target")
