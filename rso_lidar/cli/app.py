@@ -32,7 +32,7 @@ SECTIONS = {
         "encounters": "List close approaches of one object to others, or of any two.",
         "events": "List the intervals in which conditions on two objects hold.",
         "conjunction": "Compute the probability of collision of a conjunction message.",
-        "targeter": "Find values of a scenario's fields at which its flight meets goals and limits.",
+        "targeter": "Find fields at which a flight meets goals and limits.",
         "disperse": "Fly a mission many times with errors.",
         "trade": "Run a trade study of scenario fields against figures of merit.",
         "requirements": "Verify requirements on a scenario, a study or a recording.",

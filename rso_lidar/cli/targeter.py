@@ -25,7 +25,7 @@ def targeter(
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Find values of a scenario's fields at which its flight meets goals and limits.
+    """Find fields at which a flight meets goals and limits.
 
     The flight has the motion and forces of the scenario. With `minimize`, the plan of least delta-v nearby is found.
     """
