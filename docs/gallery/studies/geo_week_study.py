@@ -12,7 +12,7 @@ scenario = rl.Scenario.load("examples/studies/geo_week.toml")
 when = {"shadow": "penumbra or umbra", "lit": "lit", "Sun near": "sun < 30deg"}
 table = rl.study.events("examples/studies/geo_week.toml", None, when, start_utc=scenario.time.start_utc, days=1.0)
 for row in table.rows:
-    print(f"{row.event:9} {row.begin_utc:%d %b %H:%M}  {row.duration_s / 60:6.1f} min")
+    print(f"{row.event:9} {row.begin_utc}  {row.duration_s / 60:6.1f} min")
 
 # %%
 # Each object has a line for each condition.

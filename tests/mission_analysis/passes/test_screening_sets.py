@@ -173,6 +173,7 @@ def test_a_set_that_decays_after_it_has_been_taken_over_is_not_listed():
     assert screen(elements(1), [[doomed, sound]], START, 5 * DAY_S, 50e3).rejected == ()
 
 
+@pytest.mark.slow
 def test_the_table_flies_the_nearest_sets_and_says_so():
     own, objects = crowd(4)
     sets = [*own, *(entry for some in objects for entry in some)]
