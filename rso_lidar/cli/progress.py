@@ -13,6 +13,7 @@ from rso_lidar.kernels import watch_compiling
 from rso_lidar.records import Frame
 
 _LOG_EVERY_S = 5.0
+_LEAST_S = 1.0  # of work, before a rate is stated
 _BELOW_THE_BAR = b"\n\x1b[?25h"  # the next line, and the cursor that the bar hides
 
 
@@ -36,11 +37,12 @@ def show_progress(total: int, done: int, doing: str = "flying", of: str = "frame
     bar = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True))
     with bar as shown, remove_on_signal(lambda: os.write(2, _BELOW_THE_BAR)):
         task = shown.add_task("frames", total=total, completed=done, rate="")
-        pace = _Pace()
+        pace = Pace()
 
         class _Rich:
             def advance(self) -> None:
-                shown.update(task, advance=1, rate=f"{pace.count():.1f} {of}s/s")
+                rate = pace.count()
+                shown.update(task, advance=1, rate="" if rate is None else f"{format_rate(rate)} {of}s/s")
 
         yield _Rich()
 
@@ -89,26 +91,26 @@ def count_steps(doing: str, of: str) -> Iterator[Callable[[int, int], None]]:
         yield step
 
 
-class _Pace:
-    """Rate of frames, without the first frame, whose time includes compilation and one-time work."""
+class Pace:
+    """Rate of steps, without the first step, whose time includes compilation and one-time work."""
 
     def __init__(self) -> None:
-        self._began = time.monotonic()
+        self._began_s = 0.0
         self._count = 0
 
-    @property
-    def first(self) -> bool:
-        """Whether at most one frame has been counted."""
-        return self._count < 2
-
-    def count(self) -> float:
-        """Count one frame, and return the rate [frames/s]."""
-        now = time.monotonic()
+    def count(self) -> float | None:
+        """Count one step, and return the rate [1/s]; None until a second of work after the first step is measured."""
+        now_s = time.monotonic()
         self._count += 1
         if self._count == 1:
-            waited, self._began = now - self._began, now
-            return 1.0 / max(waited, 1e-9)
-        return (self._count - 1) / max(now - self._began, 1e-9)
+            self._began_s = now_s
+        worked_s = now_s - self._began_s
+        return (self._count - 1) / worked_s if worked_s >= _LEAST_S else None
+
+
+def format_rate(rate: float) -> str:
+    """Return a rate with three significant digits and without an exponent."""
+    return f"{float(f'{rate:.3g}'):.15g}"
 
 
 class _Lines:
@@ -116,16 +118,17 @@ class _Lines:
         """Prepare lines of progress."""
         self._total, self._done, self._of = total, done, of
         self._said = time.monotonic()
-        self._pace = _Pace()
+        self._pace = Pace()
 
     def advance(self) -> None:
         self._done += 1
-        rate, now = self._pace.count(), time.monotonic()
-        if now - self._said < _LOG_EVERY_S and self._done < self._total:
+        rate, now, is_last = self._pace.count(), time.monotonic(), self._done >= self._total
+        if not is_last and (rate is None or now - self._said < _LOG_EVERY_S):
             return
-        if self._pace.first and self._done < self._total:
-            return  # one frame tells no pace
         self._said = now
-        left = (self._total - self._done) / rate
+        line = f"{self._of} {self._done}/{self._total}"
+        if rate is not None:
+            line += f", {format_rate(rate)} {self._of}s/s"
+            line += "" if is_last else f", {(self._total - self._done) / rate:.0f} s left"
         with suppress(OSError, AttributeError):  # standard error may be closed
-            echo(f"{self._of} {self._done}/{self._total}, {rate:.1f} {self._of}s/s, {left:.0f} s left", err=True)
+            echo(line, err=True)

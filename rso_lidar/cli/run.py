@@ -26,7 +26,7 @@ from rso_lidar.cli.arguments import (
     join_settings,
 )
 from rso_lidar.cli.live_options import Live, LiveAt, LiveOrigin, LiveWith, open_live_view, report_live_view
-from rso_lidar.cli.progress import announce_compiling, show_progress
+from rso_lidar.cli.progress import Pace, announce_compiling, format_rate, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import set_advice
@@ -174,6 +174,8 @@ class Tally:
 
     def __init__(self) -> None:
         self._began = time.monotonic()
+        self._pace = Pace()
+        self._rate: float | None = None
         self._frames = self._seen = self._found = self._false = self._empty = 0
         self._nearest, self._farthest = np.inf, -np.inf
 
@@ -182,6 +184,7 @@ class Tally:
         on_target = frame.labels.filled_fraction > 0.0  # not where only the lens's blur puts some light
         valid = frame.valid
         self._frames += 1
+        self._rate = self._pace.count()
         self._seen += int(on_target.sum())
         self._found += int((valid & on_target).sum())
         self._false += int((valid & (frame.labels.target < 0)).sum())
@@ -193,10 +196,11 @@ class Tally:
 
     def table(self, output: Path, before: int) -> str:
         """Return the summary as lines of text; `before` frames existed before the run continued."""
-        seconds = max(time.monotonic() - self._began, 1e-9)
+        seconds = time.monotonic() - self._began
         lines = [
             f"recorded    {output} ({output.stat().st_size / 1e6:.1f} MB)",
-            f"frames      {self._frames} in {seconds:.1f} s, {self._frames / seconds:.1f} frames/s"
+            f"frames      {self._frames} in {seconds:.1f} s"
+            + (f", {format_rate(self._rate)} frames/s after the first" if self._rate is not None else "")
             + (f"; {before} were there before, and the lines below are without them" if before else ""),
         ]
         if self._seen:

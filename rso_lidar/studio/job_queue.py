@@ -25,7 +25,7 @@ from rso_lidar.studio.model.root_folder import Folder
 _JOURNAL = ".rso_lidar_studio.json"  # jobs that are not done, for the next start of the studio
 _POLL_S, _LAST_BYTES, _MOST_JOBS, _MOST_JOURNAL_BYTES = 0.5, 4000, 100, 2**20
 _STILL_RUNNING = "still running, begun by an earlier studio"
-_STEPS = re.compile(r"(\d+)/(\d+), ([\d.]+) \w+/s")  # lines of progress of the command line
+_STEPS = re.compile(r"^\w+ (\d+)/(\d+)(?:, ([\d.]+) \w+/s|$)")  # lines of progress of the command line
 _EXPORT_SUFFIXES = tuple(suffix for form in FORMATS.values() for suffix in form.suffixes)
 
 
@@ -274,7 +274,7 @@ class JobQueue:
             with contextlib.suppress(RsoLidarError, OSError):
                 job.done = read_status(self.folder.path / job.request.output).frames
         elif match := _STEPS.search(job.message):
-            job.done, job.total, job.rate_hz = int(match[1]), int(match[2]), float(match[3])
+            job.done, job.total, job.rate_hz = int(match[1]), int(match[2]), float(match[3] or 0.0)
 
     def _read_journal(self) -> list[JobRequest]:
         """Read the jobs that an earlier studio left; damaged entries are left out."""

@@ -16,7 +16,7 @@ from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Waveforms
 
-_PLATE_M = 300.0  # range of the plate
+_LEAST_PLATE_M = 300.0  # range of the plate; it is farther out where the dark samples before its light need more time
 _LEVELS = 32  # of light below, and above saturation
 _FAINTEST = 30.0  # peak over noise of the faintest return
 _LINEAR = 0.8  # of saturation: brightest return that is measured as one that does not clip
@@ -53,7 +53,8 @@ def simulate_long_traces(
     sample_ns = detector.readout.sample_ns
     length_ns = pulse.fwhm_s / units.NS + detector.amplifier.pole_s / units.NS
     before_ns = dark_samples * sample_ns + _BEFORE * length_ns
-    gate = Gate(delay_ns=max(_PLATE_M / units.RANGE_PER_DELAY_M_S / units.NS - before_ns, 0.0),
+    plate_m = max(_LEAST_PLATE_M, before_ns * units.NS * units.RANGE_PER_DELAY_M_S)  # a gate opens after the flash
+    gate = Gate(delay_ns=max(plate_m / units.RANGE_PER_DELAY_M_S / units.NS - before_ns, 0.0),
                 width_ns=before_ns + (_BEFORE + _BEHIND) * length_ns + sample_ns)  # fmt: skip
     stored = detector.replace(gate=gate, zero_crossing=None, returns="first", max_returns=1, maps=None, defects=None)
     full = find_saturation_photons(stored, pulse)
@@ -62,7 +63,7 @@ def simulate_long_traces(
         [np.geomspace(faintest, _LINEAR * full, _LEVELS), np.geomspace(1.5 * full, _STRONGEST * full, _LEVELS)]
     )
     n = max(math.ceil(traces / len(levels)), 1) * len(levels)
-    light = make_plate(np.resize(levels, n), n, (pulse.step_s, pulse.power_per_s), pulse.fwhm_s, _PLATE_M)
+    light = make_plate(np.resize(levels, n), n, (pulse.step_s, pulse.power_per_s), pulse.fwhm_s, plate_m)
     _, waveforms = detect(light, isolate(stored), np.random.Generator(np.random.Philox(_SEED)))
     assert waveforms is not None  # of a gate all pixels store samples
     return waveforms, dark_samples

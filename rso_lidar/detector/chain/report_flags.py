@@ -75,7 +75,10 @@ class Flagger:
             width = measure_widths(samples[trace], place, 0.5 * height)
             noise = self.locator.sigma_counts / np.maximum(height, 1e-9)
             limit = self.single_width * (_WIDER + _SIGMAS * math.sqrt(2.0) / _HALF_SLOPE * noise)
-            is_wide = (width > limit) & ~clipped[trace].any(axis=1)  # the width of a clipped pulse tells its height
+            # The width of a clipped pulse tells its height. Other returns of the pixel may clip.
+            reach = _APART_FWHM * self.locator.matched.pulse.fwhm_s / waveforms.sample_s
+            is_own = np.abs(np.arange(clipped.shape[1]) - place[:, None]) <= reach
+            is_wide = (width > limit) & ~(clipped[trace] & is_own).any(axis=1)
             superimposed.ravel()[pixel[trace]] = is_wide
         near_m = self.locator.matched.pulse.fwhm_s * units.RANGE_PER_DELAY_M_S
         explained = np.zeros(shape)

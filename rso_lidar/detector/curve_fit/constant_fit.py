@@ -90,7 +90,7 @@ class ConstantFit:
     correlation : (constant, constant) of the free numbers, logarithms of positive constants
     curves : the curves beside the fit
     chi2, freedom : sum of squared residuals, and its degrees of freedom
-    p_value : probability of a worse fit, were the model true
+    p_value : probability of a worse fit, were the model true; None where less than one degree of freedom is left
     photons_scale : true over stated photons, with its interval; None unless an error of the photons was stated
     """
 
@@ -101,13 +101,13 @@ class ConstantFit:
     curves: tuple[FittedCurve, ...]
     chi2: float
     freedom: float
-    p_value: float
+    p_value: float | None
     photons_scale: FittedConstant | None
 
     @property
     def is_rejected(self) -> bool:
         """Whether the detector cannot have given the curves, all together or one of them."""
-        return self.p_value < _REJECTED_BELOW or bool(self.misfits)
+        return (self.p_value is not None and self.p_value < _REJECTED_BELOW) or bool(self.misfits)
 
     @property
     def misfits(self) -> list[FittedCurve]:
@@ -361,7 +361,7 @@ def _summarise(problem: _Problem, free: np.ndarray, normal: np.ndarray, confiden
         p_value = float(chi2.sf((residuals**2).sum(), points))
         curves.append(FittedCurve(curve, expected, first, residuals, points, p_value))
     n_constants = len(problem.constants)
-    freedom = max(sum(curve.points for curve in curves) - n_constants, 1.0)
+    freedom = max(sum(curve.points for curve in curves) - n_constants, 0.0)
     total = float((problem.residuals(free) ** 2).sum())
     scale_fit = None
     if problem.photons_error > 0.0:
@@ -376,6 +376,6 @@ def _summarise(problem: _Problem, free: np.ndarray, normal: np.ndarray, confiden
         tuple(curves),
         total,
         freedom,
-        float(chi2.sf(total, freedom)),
+        float(chi2.sf(total, freedom)) if freedom >= 1.0 else None,
         scale_fit,
     )

@@ -81,14 +81,24 @@ class CameraFit:
         return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("rso-lidar", *_LIBRARIES))
 
     @property
-    def goodness(self) -> tuple[float, float, float]:
-        """Sum of the squared residuals of curves and maps, its degrees of freedom, and the probability of a worse fit."""
+    def goodness(self) -> tuple[float, float, float | None]:
+        """Sum of the squared residuals of curves and maps, its degrees of freedom, and the probability of a worse fit.
+
+        The probability is None where less than one degree of freedom is left: such a fit cannot be judged.
+        """
         from scipy.stats import chi2
 
         groups = self.maps.groups if self.maps else ()
         total = self.fit.chi2 + sum(group.chi2 for group in groups)
         freedom = (self.fit.freedom if self.fit.curves else 0.0) + sum(group.freedom for group in groups)
-        return total, max(freedom, 1.0), float(chi2.sf(total, max(freedom, 1.0)))
+        return total, freedom, float(chi2.sf(total, freedom)) if freedom >= 1.0 else None
+
+    @property
+    def goodness_text(self) -> str:
+        """The goodness of fit as a phrase; "P -" where no degree of freedom is left."""
+        total, freedom, p_value = self.goodness
+        chance = "-" if p_value is None else f"{p_value:.2g}"
+        return f"chi-square {total:.1f} with {freedom:.1f} degrees of freedom, P {chance}"
 
     @property
     def pixel_maps(self) -> PixelMaps | None:
@@ -191,11 +201,10 @@ class CameraFit:
             (curve.curve.name, str(len(curve.residuals)), f"{curve.chi2:.1f}", f"{curve.p_value:.2g}")
             for curve in fit.curves
         ]
-        total, freedom, p_value = self.goodness
         lines = [*align_columns(constants), "", *align_columns(curves), ""] if fit.curves else []
         if self.maps is not None:
             lines += [line for rows in self.list_map_rows() for line in (*align_columns(rows), "")]
-        lines.append(f"All: chi-square {total:.1f} with {freedom:.1f} degrees of freedom, P {p_value:.2g}")
+        lines.append(f"All: {self.goodness_text}")
         lines += [
             f"Hard to tell apart: {first} and {second} (correlation {value:.3f})"
             for first, second, value in fit.hard_to_tell
@@ -286,12 +295,10 @@ class CameraFit:
         if not self.is_rejected:
             return
         misfits = self.list_misfits() or ["all curves together"]
-        total, freedom, p_value = self.goodness
         raise ScenarioError(
-            f"{self.file.where}: rejected: the detector cannot have given these curves (chi-square {total:.0f} "
-            f"with {freedom:.0f} degrees of freedom, P {p_value:.1g}): {'; '.join(misfits)}; free the "
-            "constants that are wrong, add the part of the detector that is missing, or state errors of the bench "
-            "(systematic)"
+            f"{self.file.where}: rejected: the detector cannot have given these curves ({self.goodness_text}): "
+            f"{'; '.join(misfits)}; free the constants that are wrong, add the part of the detector that is missing, or "
+            "state errors of the bench (systematic)"
         )
 
 

@@ -47,10 +47,8 @@ def draw_camera_fit(camera: CameraFit) -> Figure:
     columns = 2 if panels == 4 else min(_COLUMNS, max(panels, 1))
     rows = max(math.ceil(panels / columns), 1)
     verdict = "rejected" if camera.is_rejected else "accepted"
-    note = (
-        f"{verdict}: chi-square {camera.fit.chi2:.1f} with {camera.fit.freedom:.0f} degrees of freedom, "
-        f"P {camera.fit.p_value:.2g}"
-    )
+    chance = "-" if camera.fit.p_value is None else f"{camera.fit.p_value:.2g}"
+    note = f"{verdict}: chi-square {camera.fit.chi2:.1f} with {camera.fit.freedom:.0f} degrees of freedom, P {chance}"
     small = ("Dots: measured, with 1 sigma. Line: fitted. Dashes: before the fit. Below: residuals [sigma].",)
     width = figures.PAGE_IN if columns > 1 else 0.6 * figures.PAGE_IN
     figure = figures.new_figure(width, 1.0 + 3.7 * rows, f"Calibration of {camera.file.name}", note, small)
@@ -117,12 +115,15 @@ def write_fit_report(camera: CameraFit, scheme: Scheme = LIGHT) -> str:
     fit, maps = camera.fit, camera.maps
     misfits = camera.list_misfits()
     total, freedom, p_value = camera.goodness
+    worse = "too few to judge the fit" if p_value is None else (
+        f"a camera like the fitted one gives a worse fit with probability {p_value:.2g}"
+    )  # fmt: skip
     body = [
         f"<h1>Calibration of {escape(camera.file.name)}</h1>",
         f'<p class="quiet">{escape(camera.file.what or "")} Fitted {camera.date_utc:%Y-%m-%d %H:%M} UTC, '
         f"{escape(camera.versions)}.</p>",
         f"<p><b>{'Rejected' if camera.is_rejected else 'Accepted'}.</b> Chi-square is {total:.1f} with {freedom:.1f} "
-        f"degrees of freedom: a camera like the fitted one gives a worse fit with probability {p_value:.2g}.</p>",
+        f"degrees of freedom: {worse}.</p>",
     ]
     if fit.curves:
         body += [

@@ -56,7 +56,7 @@ class SearchObjects:
 
         Parameters
         ----------
-        wanted : catalogue number or name
+        wanted : catalogue number or name; of a trajectory also its name in its file, where no other one has that
         source : the catalogue as it was given, for error messages
 
         Raises
@@ -71,7 +71,7 @@ class SearchObjects:
                 return bool(entry.norad_id == int(text))
             return bool(entry.name.casefold() == text.casefold())
 
-        meant = [entry for entry in self.entries if matches(entry)]
+        meant = [entry for entry in self.entries if matches(entry)] or self._find_in_sources(text)
         if not meant:
             read = read_element_sets(source) if is_catalog_file(source) else []
             for entry in filter(matches, read):
@@ -101,6 +101,24 @@ class SearchObjects:
                 f"{self.where}: several objects are named '{text}' ({numbers}); give the catalogue number"
             )
         return meant
+
+    def _find_in_sources(self, text: str) -> list[Any]:
+        """Find the trajectory that has a name in its file and is listed under another one.
+
+        Raises
+        ------
+        CatalogError
+            If those of several files have it.
+        """
+        meant = [
+            entry
+            for entry in self.entries
+            if isinstance(entry, NamedTrajectory) and entry.name_in_source.casefold() == text.casefold()
+        ]
+        if text and len(meant) > 1:
+            names = ", ".join(f"'{entry.name}'" for entry in meant[:6])
+            raise CatalogError(f"{self.where}: '{text}' names {len(meant)} trajectories; give one of {names}")
+        return meant if text else []
 
 
 def collect_objects(source: Any, *, trust_code: bool = False, trust_fmu: bool = False) -> SearchObjects:
@@ -154,7 +172,7 @@ def _distinguish(entries: list[Any]) -> list[Any]:
         for source in sources
     }
     return [
-        replace(entry, name=f"{shown[entry.source]} {entry.name}", name_in_source=entry.name)
+        replace(entry, name=f"{shown[entry.source]} {entry.name}", name_in_source=entry.name_in_source or entry.name)
         if isinstance(entry, NamedTrajectory) and entry.source and len(files[entry.name]) > 1
         else entry
         for entry in entries
@@ -240,8 +258,10 @@ def _add_file(objects: SearchObjects, path: Any) -> None:
 
 def _name_body(path: str, scenario: Scenario, name: str) -> NamedTrajectory:
     """Name a body of a scenario: a target by its name, the follower by the file as well."""
-    shown = f"{Path(path).stem} {name}" if name == _FOLLOWER else name
-    return NamedTrajectory(shown, BodyTrajectory(scenario, name), source=_resolve(path))
+    trajectory, source = BodyTrajectory(scenario, name), _resolve(path)
+    if name != _FOLLOWER:
+        return NamedTrajectory(name, trajectory, source=source)
+    return NamedTrajectory(f"{Path(path).stem} {name}", trajectory, source=source, name_in_source=name)
 
 
 def _resolve(path: str) -> str:
@@ -281,7 +301,13 @@ def is_catalog_file(source: Any) -> bool:
 
 
 def _find_kind(path: str) -> str:
-    """Return what a file holds by its suffix and first lines: "scenario", "ephemeris", "state" or "elements"."""
+    """Return what a file holds by its suffix and first lines: "scenario", "ephemeris", "state" or "elements".
+
+    Raises
+    ------
+    CatalogError
+        For a tracking data message, which holds no orbit.
+    """
     if Path(path).suffix.lower() == ".toml":
         return "scenario"
     if not Path(path).is_file():
@@ -297,6 +323,11 @@ def _find_kind(path: str) -> str:
     is_table = {"x_m", "x_km"} & columns and {"time_s", "utc", "epoch"} & columns
     if is_table or is_message_of("OEM", head):
         return "ephemeris"
+    if is_message_of("TDM", head):
+        raise CatalogError(
+            f"{path}: a tracking data message (TDM) holds measurements, such as ranges and directions, and no orbit; "
+            f"fit one to them with rso-lidar fit {Path(path).name} --own OBSERVER.opm, and give an OEM, OPM, TLE or scenario"
+        )
     return "state" if is_message_of("OPM", head) else "elements"
 
 

@@ -54,8 +54,14 @@ class Calibration(Part):
     pulse_fwhm_ns: Positive = Field(description="Full width at half maximum of its pulse [ns].")
     confidence: Fraction = Field(description="Probability of the confidence intervals.")
     chi2: NotNegative = Field(description="Sum of the squared residuals of all points.")
-    freedom: Positive = Field(description="Degrees of freedom of that sum.")
-    p_value: Fraction = Field(description="Probability of a worse fit, were the model true.")
+    freedom: NotNegative = Field(description="Degrees of freedom of that sum.")
+    p_value: Fraction | None = Field(
+        default=None,
+        description=(
+            "Probability of a worse fit, were the model true. If omitted, less than one degree of freedom was left, so "
+            "that the fit cannot be judged."
+        ),
+    )
     maps_sha256: Annotated[Text, Field(pattern="^[0-9a-f]{64}$")] | None = Field(
         default=None,
         description="SHA-256 of the file of maps that `detector.maps.file` names. If omitted, there is none.",

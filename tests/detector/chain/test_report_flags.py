@@ -115,6 +115,23 @@ def test_what_clips_is_saturated_and_said_so():
     assert not reading.superimposed.any()  # the width of a clipped pulse tells nothing of depths
 
 
+@pytest.mark.parametrize("returns", ["first", "last"])
+def test_a_reported_return_is_superimposed_also_where_another_return_of_the_pixel_clips(returns):
+    """Two surfaces 1.2 m apart, and a bright one 5 m before or behind them: of the pair only the width is looked at."""
+    gsfl = Gsfl(**FLAGGED, readout={"samples": 48}, returns=returns, max_returns=4)
+    full = gsfl.readout.clip_counts * gsfl.readout.electrons_per_count / gsfl.electrons_per_photon
+    near_m = make_plate(1.0, N, LASER.pulse, LASER.pulse_fwhm_s, 300.0).delay_s * 299_792_458.0 / 2.0
+    apart_m = {"first": (0.0, 1.2, 6.2), "last": (0.0, 5.0, 6.2)}[returns]
+    photons = {"first": (1e4, 1e4, 2.0 * full), "last": (2.0 * full, 1e4, 1e4)}[returns]
+    range_m, pixel = np.stack([near_m + apart for apart in apart_m], axis=1).ravel(), np.repeat(np.arange(N), 3)
+    light = make_point_returns((1, N), LASER.pulse, LASER.pulse_fwhm_s, pixel, range_m, np.tile(photons, N))
+    reading, labels = flash(gsfl, light)
+    assert (np.isfinite(reading.return_range_m).sum(axis=-1) == 2).mean() > 0.98
+    for flags in (reading.superimposed, labels.superimposed):
+        assert flags.mean() > 0.98
+    assert not labels.saturated.any() and reading.saturated.all()  # of the reading: some sample clipped
+
+
 def test_without_flags_a_frame_has_none():
     light = make_plate(5_000.0, 64, LASER.pulse, LASER.pulse_fwhm_s)
     for gsfl in (Gsfl(), Gsfl(report={})):

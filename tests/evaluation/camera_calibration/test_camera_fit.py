@@ -1,10 +1,12 @@
 import hashlib
 
+import numpy as np
 import pytest
 
 from rso_lidar.detector import list_assumed_settings
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.evaluation import CurvesFile, fit_camera
+from rso_lidar.evaluation.camera_calibration.fit_report import write_fit_report
 from rso_lidar.mission_analysis import data_sheet, list_parameters
 from rso_lidar.scenario import Lidar, Scenario
 from tests.evaluation.camera_calibration.bench_for_tests import CURVES, HIDDEN, SCENARIO, make_table, write_bench
@@ -150,6 +152,26 @@ def test_a_rejected_fit_writes_no_preset(tmp_path):
     with pytest.raises(ScenarioError, match=r"curves.toml: rejected: .*detection_rate .*sigma"):
         camera.save_preset(tmp_path / "no.toml")
     assert not (tmp_path / "no.toml").exists()
+
+
+def test_no_goodness_is_said_where_no_degree_of_freedom_is_left(tmp_path):
+    """Two points tell two constants; a third one in bright light, where every flash is detected, tells nothing."""
+    columns = {name: values[[4, 8]] for name, values in make_table().items()}
+    bright = {"OD": 0.0, "hits": 4000.0, "flashes": 4000.0}
+    columns = {name: np.append(values, bright[name]) for name, values in columns.items()}
+    folder = write_bench(tmp_path, CURVES, columns)
+    camera = fit_camera(Scenario.load(folder / "bench.toml").lidar, CurvesFile.load(folder / "curves.toml"))
+    total, freedom, p_value = camera.goodness
+    residuals = camera.fit.curves[0].residuals
+    assert residuals[:2] == pytest.approx(0.0, abs=1e-4)  # two constants: the curve goes through both points
+    assert total == pytest.approx(float((residuals**2).sum())) and total < 1.0
+    assert freedom < 1.0 and p_value is None
+    assert camera.fit.p_value is None and not camera.is_rejected
+    assert "degrees of freedom, P -" in camera.table()
+    assert "too few to judge the fit" in write_fit_report(camera)
+    preset = camera.save_preset(tmp_path / "few.toml")
+    taken = Lidar(preset=str(preset), receiver={"fov_deg": 2.5, "f_number": 2.8}).calibration
+    assert taken == camera.calibration and taken.p_value is None
 
 
 def test_presets_that_are_none_are_refused(tmp_path):

@@ -73,6 +73,36 @@ def test_names_find_trajectories(files):
         collect_objects(twice).find("one", twice)
 
 
+def test_the_follower_of_a_scenario_has_its_plain_name_where_no_other_scenario_is_given(files, tmp_path):
+    objects = collect_objects([FLYBY, HOP])
+    for name in ("follower", "Follower", "tdrs_approach follower"):
+        assert [entry.name for entry in objects.find(name, HOP)] == ["tdrs_approach follower"]
+    both = collect_objects([HOP, str(shipped("examples/safety_ellipse.toml"))])
+    several = "'follower' names 2 trajectories; give one of 'tdrs_approach follower', 'safety_ellipse follower'"
+    with pytest.raises(CatalogError, match=several):
+        both.find("follower", HOP)
+    with pytest.raises(CatalogError, match="no follower ''"):
+        objects.find(" ", HOP)
+    again = tmp_path / "tdrs_approach.toml"  # of the same name in another folder
+    again.write_text(pathlib.Path(HOP).read_text(encoding="utf-8"), encoding="utf-8")
+    entries = collect_objects([HOP, again]).entries
+    assert [entry.name_in_source for entry in entries if entry.name.endswith(" follower")] == ["follower", "follower"]
+    # those of several files under one name, each by its own
+    assert [entry.name for entry in collect_objects([files / "both.oem", files / "one.oem"]).find("one one", "")] == [
+        "one ONE"
+    ]
+
+
+def test_a_tracking_data_message_is_no_catalogue_and_names_the_command_that_takes_it(tmp_path):
+    track = tmp_path / "track.tdm"
+    track.write_text("CCSDS_TDM_VERS = 2.0\nCREATION_DATE = 2024-09-17T12:00:00\nORIGINATOR = X\n", encoding="ascii")
+    for read in (collect_objects, lambda path: load_follower(str(path))):
+        with pytest.raises(
+            CatalogError, match=r"track\.tdm: .* \(TDM\) holds measurements.* rso-lidar fit track\.tdm --own"
+        ):
+            read(track)
+
+
 def test_a_file_given_twice_is_read_once(files):
     assert [entry.name for entry in collect_objects([files / "both.oem", str(files / "both.oem")]).entries] == [
         "ONE",
