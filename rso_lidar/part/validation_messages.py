@@ -167,8 +167,10 @@ def _what(problem: Any, owner: type[BaseModel] | None, others: Iterable[type[Bas
         return f"needs a table with a 'type', not {show_value(value)}"
     if kind == "literal_error":
         known = [word.strip(" '") for word in re.split(r",| or ", context["expected"])]
-        if problem["loc"][-1] == "version" and type(value) is int and value > max(map(int, known)):
-            return f"is {value}, of a newer rso_lidar; this one reads up to {max(map(int, known))}: upgrade rso_lidar"
+        if problem["loc"][-1] == "version" and type(value) is int and all(word.isdecimal() for word in known):
+            newest = max(map(int, known))
+            if value > newest:
+                return f"is {value}, of a newer rso_lidar; this one reads up to {newest}: upgrade rso_lidar"
         noun = "type" if problem["loc"][-1] == "type" else "value"
         guess = did_you_mean(value, known) if isinstance(value, str) and value not in known else ""
         return f"unknown {noun} {show_value(value)}{guess} (known: {', '.join(known)})"

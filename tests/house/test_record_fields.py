@@ -13,6 +13,8 @@ from rso_lidar.records import Record, specs
 ROOT = Path(__file__).resolve().parents[2]
 UNIT_SUFFIX = {  # the unit as files spell it (CF conventions), and how a name ends that has it
     "m": "_m",
+    "m2": "_m2",
+    "m3": "_m3",
     "m-1": "_per_m",
     "s": "_s",
     "rad": "_rad",

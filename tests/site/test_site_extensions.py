@@ -141,6 +141,6 @@ def test_every_command_is_on_the_page_of_commands():
     from rso_lidar.cli.app import COMMANDS
 
     page = load("command_pages").commands_page()
-    assert [name for name in COMMANDS if f"\n## {name}\n" not in page] == []
+    assert [name for name in COMMANDS if f"\n### {name}\n" not in page] == []
     assert "| `--trust-fmu` |" in page
-    assert "\n### dataset make\n" in page
+    assert "\n#### dataset make\n" in page

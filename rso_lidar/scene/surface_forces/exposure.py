@@ -120,7 +120,7 @@ def find_free(
         float(np.linalg.norm(surface.sphere[0] + pose[0])) + surface.sphere[1]
         for surface, pose in zip(surfaces, poses, strict=True)
     )
-    rays = asked, packed(position), packed(facing), OFF_THE_FACET * size, packed(toward), reach
+    rays = packed(asked), packed(position), packed(facing), OFF_THE_FACET * size, packed(toward), packed(reach)
     embree = engine()
     for surface, (origin, turn) in zip(surfaces, poses, strict=True):
         scene, sphere = surface.scene(embree), np.append(*surface.sphere)

@@ -58,14 +58,17 @@ def _resolve(errors: StateErrors, scenario: Scenario, target: str, body: str, pl
     from_rtn = orbit_state_matrix("rtn", there.position_m, there.velocity_m_s, rotating=True)[0]
     with scenario.locate_errors(place):
         if isinstance(errors.start, ElementSetErrors):
-            turn = gcrs_state_matrix("rtn", at, there)[0]
-            inertial = turn @ find_set_covariance(errors.start, scenario) @ turn.T
+            turn, covariance = gcrs_state_matrix("rtn", at, there)[0], find_set_covariance(errors.start, scenario)
         else:
             own = there if body == target else Chief(scenario.bodies, body).states(at)
-            inertial = _find_covariance(errors.start, scenario, at, own)
-    back = invert_state_matrix(from_rtn)
-    rotating = back @ inertial @ back.T
-    rotating = 0.5 * (rotating + rotating.T)
+            turn, covariance = _find_covariance(errors.start, scenario, at, own)
+    # by a square root: errors along the track and in radial speed almost cancel in rotating axes, and the difference of
+    # their large variances may round to less than nothing
+    sigma = np.sqrt(np.diag(covariance))
+    scale = np.where(sigma > 0.0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = invert_state_matrix(from_rtn) @ turn @ (scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+    rotating = root @ root.T
     return {"start": None, "covariance": tuple(map(tuple, rotating.tolist()))}
 
 
@@ -86,8 +89,10 @@ def find_set_covariance(errors: ElementSetErrors, scenario: Scenario) -> np.ndar
         return estimate_set_errors(list(sets)).covariance_at(age_days)
 
 
-def _find_covariance(errors: CovarianceErrors, scenario: Scenario, at: Epochs, state: BodyState) -> np.ndarray:
-    """Return the covariance (6, 6) of a body's state at the start in GCRS axes [m2, m2/s, m2/s2].
+def _find_covariance(
+    errors: CovarianceErrors, scenario: Scenario, at: Epochs, state: BodyState
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the covariance (6, 6) of a body's state at the start [m2, m2/s, m2/s2], and what turns states to GCRS axes.
 
     Parameters
     ----------
@@ -95,8 +100,7 @@ def _find_covariance(errors: CovarianceErrors, scenario: Scenario, at: Epochs, s
     """
     if errors.file is None:
         turn = gcrs_state_matrix(errors.axes, at, state, rotating=errors.rotating)[0]
-        inline: np.ndarray = turn @ np.array(errors.matrix) @ turn.T
-        return inline
+        return turn, np.array(errors.matrix)
     orientation = errors.earth_orientation_file
     history = read_covariances(
         scenario.file(errors.file),
@@ -116,5 +120,4 @@ def _find_covariance(errors: CovarianceErrors, scenario: Scenario, at: Epochs, s
             "errors it states; name the object, or the file, of that body"
         )
     turn = orbit_state_matrix("rtn", state.position_m, state.velocity_m_s, rotating=True)[0]
-    inertial: np.ndarray = turn @ covariance @ turn.T
-    return inertial
+    return turn, covariance

@@ -296,7 +296,7 @@ def test_an_orbit_that_falls_says_when(load):
 
 
 def test_each_type_is_told_where_none_is_known():
-    """The list of known types in an error holds every type of this file, with FMUs and lunar orbits, which need files."""
+    """The list of known types in an error holds every type of this file, and those that need files or facets."""
     with pytest.raises(ScenarioError) as error:
         rl.Scenario.loads(scenario_text('{ type = "warp" }'))
     known = set(re.findall(r"\w+", str(error.value).partition("(known: ")[2]))
@@ -304,4 +304,4 @@ def test_each_type_is_told_where_none_is_known():
     with pytest.raises(ScenarioError) as error:
         rl.Scenario.loads(scenario_text(HILL, '{ type = "warp" }'))
     known = set(re.findall(r"\w+", str(error.value).partition("(known: ")[2]))
-    assert {kind(text) for text in ATTITUDES.values()} | {"fmu", "spice"} == known
+    assert {kind(text) for text in ATTITUDES.values()} | {"fmu", "spice", "torqued"} == known
