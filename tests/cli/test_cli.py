@@ -51,8 +51,13 @@ def test_schema_is_what_the_files_fill(call):
 def test_check(call, scenario):
     status, out, err = call("check", scenario)
     assert (status, err) == (0, [])
-    assert "a plate on a bench" in out
+    lines = out.splitlines()
+    assert "a plate on a bench" in lines[0]
+    assert lines[1] == "verdict     ready to fly, no warnings; plate is found with P 1.00 at first and 1.00 at last"
     assert "P(detect)" in out
+    assert max(map(len, lines)) <= 100
+    assert not any(line.endswith((" 0.5", " 8", " ->")) or line.lstrip().startswith("-> ") for line in lines)
+    assert " ".join(out.split()) == " ".join(rl.Scenario.load(scenario).describe().split())  # folded, and nothing lost
 
 
 def test_run_info_plot_animate(call, scenario, tmp_path):
@@ -373,4 +378,6 @@ def test_check_refuses_a_bad_instrument_with_one_line(call, scenario, setting, w
 def test_check_warns_of_a_gate_that_misses(call, scenario):
     status, out, _ = call("check", scenario, "--set", "lidar.detector.gate={delay_ns=100}")
     assert status == 0
-    assert "warning     target plate: the range gate" in out
+    lines = out.splitlines()
+    assert lines[1].startswith("verdict     flies, with 1 warning; plate is found with P 0.")
+    assert lines[2].startswith("warning     target plate: the range gate")

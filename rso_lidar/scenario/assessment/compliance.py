@@ -99,7 +99,7 @@ def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview
     inside = ", from the first frame on" if spans[0][0] < start_s else f", first at {clipped[0][0]:.3f} s"
     outside = " outside of its corridor" if corridors else ""
     return [
-        f"constraints.keep_out_m: the follower comes within {nearest_m:.3g} m of {target}{outside} at {when_s:.3f} s, and "
+        f"constraints.keep_out_m: the follower comes within {nearest_m:.1f} m of {target}{outside} at {when_s:.3f} s, and "
         f"{radius_m:g} m is required{inside}; fly wider, or reduce the sphere"
     ]
 

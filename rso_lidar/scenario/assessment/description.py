@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -28,15 +28,16 @@ from rso_lidar.scenario.preview.whole_target import find_in_run
 from rso_lidar.ties import find_first_least
 
 _PLACES = 32  # attitudes and places in the pixel grid over which a target is found or not
+_AT_ORIGIN_M = 1e-3  # range below which the lidar is at the origin of a target
+_MOST_IN_VERDICT = 3
 _FEWEST_REPORTS = 100  # the standard error of a noise from quartiles is then 12 % (1.17 / sqrt n)
 
 
 def describe(mission: Mission) -> str:
-    """Describe a mission: orbit, geometry, optics, link budget and warnings, one per line."""
+    """Describe a mission: verdict and warnings first, then orbit, geometry, optics and link budget, one per line."""
     preview = preview_mission(mission)
     time = mission.time
     lines = [
-        f"{mission.name}",
         f"time        {time.n_frames} frames at {time.frame_rate_hz:g} Hz, {_describe_span(mission)}; seed {mission.seed}",
     ]
     for number, geometry in enumerate(preview.targets):
@@ -46,12 +47,42 @@ def describe(mission: Mission) -> str:
     lines += describe_environment(mission, preview)
     lines += _describe_instrument(mission, preview)
     lines += describe_sensors(mission)
-    for number in range(len(preview.targets)):
-        lines += _describe_budget(mission, number, preview)
+    chances = {}
+    for number, geometry in enumerate(preview.targets):
+        chances[geometry.name] = _find_chances(mission, number, preview)
+        lines += _describe_budget(mission, number, preview, chances[geometry.name])
     lines += describe_second_bounce(mission, preview)
     warned = advise(mission, preview)
-    lines += [f"warning     {line}" for line in warned] or ["warnings    none"]
-    return "\n".join(lines)
+    verdict = [f"verdict     {_describe_verdict(len(warned), chances)}", *(f"warning     {line}" for line in warned)]
+    return "\n".join([mission.name, *verdict, *lines])
+
+
+def _find_chances(mission: Mission, number: int, preview: Preview) -> dict[int, np.ndarray]:
+    """Find the probability (attitude) that a target is found at the first and the last epoch, by row of the preview."""
+    ends = {0, len(preview.time_s) - 1}
+    apart = {row: float(preview.targets[number].range_m[row]) for row in sorted(ends)}
+    return {
+        row: find_in_run(mission, preview, number, row, _PLACES)
+        for row, range_m in apart.items()
+        if range_m >= _AT_ORIGIN_M
+    }
+
+
+def _describe_verdict(warned: int, chances: Mapping[str, Mapping[int, np.ndarray]]) -> str:
+    """Describe in a line whether a mission flies, and whether its targets are found at its ends.
+
+    Parameters
+    ----------
+    warned : how many warnings there are
+    chances : by target and row of the preview, the probability (attitude) of being found there
+    """
+    text = f"flies, with {warned} warning{'s' * (warned > 1)}" if warned else "ready to fly, no warnings"
+    for name, ends in list(chances.items())[:_MOST_IN_VERDICT]:
+        means = [f"{probability.mean():.2f}" for probability in ends.values()]
+        text += (
+            f"; {name} is found with P {' at first and '.join(means)}{' at last' * (len(means) > 1)}" if means else ""
+        )
+    return text
 
 
 def _describe_span(mission: Mission) -> str:
@@ -219,15 +250,21 @@ def _describe_detection(mission: Mission) -> list[str]:
     ]
 
 
-def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[str]:
-    """Describe photons, detection and range noise of the median and the brightest pixel of a target."""
+def _describe_budget(mission: Mission, number: int, preview: Preview, chances: Mapping[int, np.ndarray]) -> list[str]:
+    """Describe photons, detection and range noise of the median and the brightest pixel of a target.
+
+    Parameters
+    ----------
+    chances : by row of the preview, the probability (attitude) that the target is found
+    """
     geometry = preview.targets[number]
     lines = [
         f"budget      {geometry.name}, of flashes cast onto it as it stands about these instants, median to brightest pixel:"
     ]
-    for place, row in (("first", 0), ("last", len(preview.time_s) - 1)):
+    ends = {0: "first"} if len(preview.time_s) == 1 else {0: "first", len(preview.time_s) - 1: "last"}
+    for row, place in ends.items():
         range_m, time_s = float(geometry.range_m[row]), float(preview.time_s[row])
-        if range_m < 1e-3:
+        if range_m < _AT_ORIGIN_M:
             lines.append(f"  {place:<9} the lidar is at the target's origin")
             continue
         pixel_m = range_m * mission.lidar.at(time_s).receiver.pixel_tangent
@@ -237,21 +274,20 @@ def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[st
         fill = float(np.mean([cast.brightest_fill for cast in casts]))
         chosen = [try_pixels(mission, casts, share, time_s) for share in (0.5, 1.0)]
         probability = _join_ends([f"{trial.probability:.3f}" for trial in chosen])
-        noise = _join_ends([_format_range_noise(trial) for trial in chosen])
+        noise = _format_range_noise(chosen)
         shift = _format_range_bias(chosen[1])
         alike = f"mean of {len(casts)} attitudes" if len(casts) > 1 else "one attitude"
         lines.append(
             f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, target {size} pixels across, fills {fill:.0%} of its "
             f"brightest pixel; {_format_photons(casts)}, P(detect) {probability}, range noise {noise}{shift} ({alike})"
         )
-        finding = _describe_finding(mission, preview, number, row)
+        finding = _describe_finding(mission, chances[row])
         lines.append(f"  {'':<9} {finding}; {_describe_sampling_error(casts)}")
     return lines
 
 
-def _describe_finding(mission: Mission, preview: Preview, number: int, row: int) -> str:
-    """Describe with which probability a target is found about one epoch."""
-    probability = find_in_run(mission, preview, number, row, _PLACES)
+def _describe_finding(mission: Mission, probability: np.ndarray) -> str:
+    """Describe with which probability (attitude) a target is found about one epoch."""
     spread = f", {probability.min():.2f} to {probability.max():.2f}" if np.ptp(probability) > 0.01 else ""
     places = f"{_PLACES} attitudes and places in the pixel grid{spread}"
     dark = ", without sunlight" if mission.lidar.receiver.filter_width_nm is not None else ""
@@ -275,8 +311,8 @@ def _format_photons(casts: Sequence[TargetReturns]) -> str:
     text = _join_ends([_format_count(np.median(values)) for values in (median, brightest)]) + " photons"
     if len(casts) < 2:
         return text
-    low, high = (_format_count(value) for value in np.quantile(brightest, [0.1, 0.9]))
-    return f"{text} (brightest {low} to {high} in 8 of 10 attitudes)"
+    spread = _join_ends([_format_count(value) for value in np.quantile(brightest, [0.1, 0.9])])
+    return f"{text} (brightest {spread} in 8 of 10 attitudes)"
 
 
 def _format_count(photons: float) -> str:
@@ -288,9 +324,13 @@ def _join_ends(texts: Sequence[str]) -> str:
     return " to ".join(dict.fromkeys(texts))
 
 
-def _format_range_noise(trial: Trial) -> str:
-    """Format the range noise, or "none" for few reports, most of which are false alarms."""
-    return f"{trial.range_noise_m / units.CM:.1f} cm" if len(trial.range_error_m) >= _FEWEST_REPORTS else "none"
+def _format_range_noise(trials: Sequence[Trial]) -> str:
+    """Format the range noise of the median and the brightest pixel; "none" for few reports, most of them false alarms."""
+    reports = [len(trial.range_error_m) >= _FEWEST_REPORTS for trial in trials]
+    words = [
+        f"{trial.range_noise_m / units.CM:.1f}" if many else "none" for trial, many in zip(trials, reports, strict=True)
+    ]
+    return _join_ends(words) + " cm" * any(reports)
 
 
 def _format_range_bias(trial: Trial) -> str:
