@@ -52,11 +52,11 @@ class ParameterTable:
         return by_path[path]
 
     def table(self) -> str:
-        """Return a text table: path, value with unit, and source."""
+        """Return a text table: path, value with unit, and source. Derived numbers have nine digits; files have them all."""
         rows = [
             (
                 parameter.path,
-                f"{_shorten(_format_value(parameter.value))} {'' if parameter.unit == '1' else parameter.unit}".rstrip(),
+                f"{_shorten(_format_value(_round_derived(parameter)))} {'' if parameter.unit == '1' else parameter.unit}".rstrip(),
                 parameter.source,
             )
             for parameter in self.parameters
@@ -140,6 +140,12 @@ def list_parameters(scenario: Scenario) -> ParameterTable:
     """
     parameters = tuple(iterate_parameters(scenario))
     return ParameterTable(scenario.name, parameters)
+
+
+def _round_derived(parameter: MissionParameter) -> Any:
+    """Return the value of a parameter, to nine digits where it is a derived number."""
+    value = parameter.value
+    return float(f"{value:.9g}") if parameter.is_derived and isinstance(value, float) else value
 
 
 def _format_value(value: Any) -> str:

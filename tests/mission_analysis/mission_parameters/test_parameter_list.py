@@ -31,6 +31,13 @@ def table():
     return list_parameters(rl.Scenario.load("examples/tdrs_approach.toml"))
 
 
+def test_derived_numbers_are_printed_as_people_write_them(table):
+    assert repr(table.find("lidar.receiver.pixel_pitch_m").value) == "9.999999999999999e-05"
+    (line,) = [line for line in table.table().splitlines() if line.startswith("lidar.receiver.pixel_pitch_m ")]
+    assert line.split() == ["lidar.receiver.pixel_pitch_m", "0.0001", "m", "derived"]
+    assert "9.999999999999999e-05" in table.csv_text()
+
+
 def test_values_are_those_of_the_scenario(table):
     laser = table.find("lidar.laser.wavelength_nm")
     assert (laser.value, laser.unit, laser.default, laser.source) == (1064.0, "nm", 1064.0, "scenario")

@@ -34,7 +34,7 @@ def described(text):
 
 def test_a_plain_instrument_has_no_lines_for_what_it_has_not(described):
     lines = described()
-    assert {"laser", "receiver", "detector", "trigger", "budget", "first", "last", "warnings"} <= set(lines)
+    assert {"laser", "receiver", "detector", "trigger", "budget", "first", "last", "verdict"} <= set(lines)
     assert not {"beam", "lens", "schedule", "gate", "with"} & set(lines)
 
 
