@@ -52,9 +52,8 @@ test: rules ## run before each commit: format, lint, floors, types, doctests and
 
 check: test ## run all that CI runs: `make test`, tests that are slow, site, processor and bounds (25 minutes)
 	$(PYTEST) -m slow
-	@$(MAKE) site
-	@$(MAKE) processor
-	@$(MAKE) bounds
+	@$(MAKE) processor $(VENV)/.installed-site
+	@$(MAKE) --jobs=2 --output-sync site bounds  # each of one process
 
 site: $(VENV)/.installed-site ## build the documentation into out/site: every example run, every link checked
 	@rm -rf out/site
