@@ -4,6 +4,8 @@
  *   rso-lidar serve tumbling_stage.toml &
  *   ./pointing tcp://127.0.0.1:5571
  *
+ * zmq.h is in libzmq3-dev (Debian, Ubuntu), zeromq-devel (Fedora) or zeromq (Homebrew).
+ *
  * The protocol is in docs/protocol.md. After each flash the program takes the mean direction of the returns whose range is
  * near the median range, and commands the pan and tilt that bring the boresight there. It prints a line for each flash:
  * time [s], returns, and the angle between boresight and target [deg]. At the end of the scenario it shuts the server down.
