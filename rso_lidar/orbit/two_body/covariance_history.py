@@ -76,6 +76,49 @@ class CovarianceHistory:
         clean.flags.writeable = False
         object.__setattr__(self, "matrices", clean)
 
+    @classmethod
+    def from_axes(
+        cls,
+        label: str,
+        reference: Trajectory,
+        epochs: Epochs,
+        matrices: np.ndarray,
+        axes: OrbitAxes = "rtn",
+        *,
+        rotating: bool = False,
+        source: str = "",
+    ) -> CovarianceHistory:
+        """Make a history of covariances along the axes of their orbit.
+
+        Parameters
+        ----------
+        label : name of the object
+        reference : the orbit about which they are, anything with `states(epochs)`
+        epochs : (time,) increasing instants of the covariances
+        matrices : (time, 6, 6) covariances in `axes` [m2, m2/s, m2/s2]
+        axes : "rtn", "lvlh_ccsds", "vnc", "ntw" or "tnw" of the reference orbit
+
+        Other Parameters
+        ----------------
+        rotating : whether velocities are relative to the axes as they turn, rather than to inertial axes
+        source : where the covariances come from, for messages and tables
+
+        Returns
+        -------
+        CovarianceHistory
+
+        Raises
+        ------
+        ScenarioError
+            if there is no covariance, the epochs do not increase, or a matrix is not symmetric and positive semidefinite
+        """
+        given = to_real_array(matrices)
+        if given is None or given.shape != (len(epochs), 6, 6):
+            raise ScenarioError(f"{source or label}: covariances need shape (time, 6, 6), one for each of the epochs")
+        states = reference.states(epochs)
+        turn = orbit_state_matrix(axes, states.position_m, states.velocity_m_s, rotating=rotating)
+        return cls(label, source, reference, epochs, turn @ given @ np.swapaxes(turn, 1, 2))
+
     @property
     def sigma(self) -> np.ndarray:
         """Standard deviations (time, 6) at the epochs in rtn axes, velocity relative to inertial axes [m, m/s]."""
