@@ -350,7 +350,7 @@ def test_the_history_of_sets_is_a_source(call, tmp_path):
         (["--hard-body", "99002=-2m"], "'-2m' is no length"),
         (["--covariance", "99002="], "--covariance 99002=: needs an object and a value"),
         (["--covariance", "99002=bare.oem"], "bare.oem: has no covariance of STAGE"),
-        (["--covariance", "99002=bad.oem"], "bad.oem: is not symmetric with variances of 0 or more"),
+        (["--covariance", "99002=bad.oem"], "bad.oem: is not positive semidefinite: a variance is below 0"),
         (["--covariance", "99002=flat.oem"], "flat.oem: is not .*; correct its terms"),
         (["--covariance", f"99002={FLYBY}"], "has one element set; differences need two or more"),
     ],

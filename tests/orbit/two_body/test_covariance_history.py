@@ -79,7 +79,7 @@ def test_beyond_its_epochs_a_covariance_is_an_error_or_propagated():
 @pytest.mark.parametrize(
     ("matrix", "problem"),
     [
-        (-np.eye(6), "not symmetric with variances of 0 or more"),
+        (-np.eye(6), "not positive semidefinite: a variance is below 0"),
         (np.ones((6, 6)) + np.diag([0.0] * 5 + [-0.5]), "not positive semidefinite"),
         (np.full((6, 6), np.nan), "finite numbers"),
         (np.eye(3), "shape"),
