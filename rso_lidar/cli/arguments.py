@@ -154,9 +154,21 @@ def select_frames(read: export.Recording, frames: str | None) -> list[int]:
     return list(places)
 
 
-def load_lidar(text: str) -> tuple[Lidar, Constraints | None]:
-    """Load the camera of that name, or the camera and the constraints of a scenario file."""
-    loaded = load_camera(text, option="--lidar ")
+def check_settings(settings: list[str] | None, files: Iterable[str | Path | None]) -> tuple[str, ...]:
+    """Return the settings of the scenarios among some files; raise `ScenarioError` where there is none to set."""
+    if settings and not any(file is not None and Path(file).suffix.lower() == ".toml" for file in files):
+        raise ScenarioError(f"--set {settings[0]}: changes scenarios, and none of the files is one; leave it out")
+    return tuple(settings or ())
+
+
+def load_lidar(text: str, settings: tuple[str, ...] = ()) -> tuple[Lidar, Constraints | None]:
+    """Load the camera of that name, or the camera and the constraints of a scenario file.
+
+    Parameters
+    ----------
+    settings : `key=value` of fields of a scenario
+    """
+    loaded = load_camera(text, () if text in load_presets() else settings, option="--lidar ")
     if isinstance(loaded, Scenario):
         return loaded.instrument, loaded.constraints
     return Lidar(preset=text), None  # type: ignore[call-arg]

@@ -10,8 +10,10 @@ from rso_lidar.cli.arguments import (
     Camera,
     Dark,
     Overwrite,
+    Settings,
     TrustCode,
     TrustFmu,
+    check_settings,
     choose_scheme,
     load_lidar,
     name_options,
@@ -166,6 +168,7 @@ def encounters(
             help="File to write: the table (.csv, .json), a picture (.png) or, with --scenario, .toml.",
         ),
     ] = None,
+    settings: Settings = None,
     trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
     dark: Dark = False,
@@ -195,7 +198,8 @@ def encounters(
     if sort not in _ORDERS:
         raise ScenarioError(f"--sort {sort}: unknown order{did_you_mean(sort, _ORDERS)} (known: {', '.join(_ORDERS)})")
     within_m, start_utc = parse_length_m("--within", within), parse_instant("--start", start)
-    camera, asked, finding, rate_hz = _load_camera(lidar)
+    chosen = check_settings(settings, (*catalog, follower, lidar))
+    camera, asked, finding, rate_hz = _load_camera(lidar, chosen)
     with name_options(*_ARGUMENTS):
         plate = ViewedPlate(
             None if target_size is None else parse_length_m("--target-size", target_size),
@@ -237,6 +241,7 @@ def encounters(
             radius_m=radius_m,
             hard_bodies=bodies or None,
             covariances=_name_sources(covariance),
+            settings=chosen,
             trust_code=trust_code,
             trust_fmu=trust_fmu,
         )
@@ -282,12 +287,14 @@ def _name_sources(texts: list[str] | None) -> list[Any] | None:
     return [text if "=" not in text or Path(text).is_file() else _split_name("--covariance", text) for text in texts]
 
 
-def _load_camera(text: str) -> tuple[Lidar, Constraints | None, Finding | None, float | None]:
-    """Load a camera by name, or camera, constraints, finding and frames per second of a scenario file."""
-    camera, asked = load_lidar(text)
+def _load_camera(
+    text: str, settings: tuple[str, ...]
+) -> tuple[Lidar, Constraints | None, Finding | None, float | None]:
+    """Load a camera by name, or camera, constraints, finding and frames per second of a scenario file with settings."""
+    camera, asked = load_lidar(text, settings)
     if text in load_presets():
         return camera, asked, None, None
-    scenario = Scenario.load(text)
+    scenario = Scenario.load(text, settings)
     return camera, asked, scenario.finding, scenario.time.frame_rate_hz
 
 

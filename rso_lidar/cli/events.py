@@ -9,8 +9,10 @@ import typer
 from rso_lidar.cli.arguments import (
     Dark,
     Overwrite,
+    Settings,
     TrustCode,
     TrustFmu,
+    check_settings,
     choose_scheme,
     load_lidar,
     name_options,
@@ -111,6 +113,7 @@ def events(
             help="File to write: table (.csv, .json), calendar (.ics), picture (.png), scenario (.toml); again for more.",
         ),
     ] = None,
+    settings: Settings = None,
     trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
     dark: Dark = False,
@@ -129,11 +132,12 @@ def events(
         if len(catalog) != 1 or catalog[0].suffix.lower() != ".toml":
             raise ScenarioError("events: needs the object with the lidar; give --follower or --all-pairs")
         follower = str(catalog[0])
+    chosen = check_settings(settings, (*catalog, follower, lidar))
     outputs = _check_outputs(output or [], scenario, overwrite)
     scheme = choose_scheme(dark, outputs)
     start_utc = None if start is None else parse_instant("--start", start)
     stations = [_parse_station(text) for text in station or ()]
-    instrument = {} if lidar is None else _load_instrument(lidar)
+    instrument = {} if lidar is None else _load_instrument(lidar, chosen)
     keep_out_m = None if keep_out is None else parse_length_m("--keep-out", keep_out)
     if keep_out_m is not None and not keep_out_m > 0.0:
         raise ScenarioError(f"--keep-out {keep_out}: is not a radius; give more than 0")
@@ -150,6 +154,7 @@ def events(
             min_duration_s=min_duration,
             limit=limit,
             plate=plate,
+            settings=chosen,
             trust_code=trust_code,
             trust_fmu=trust_fmu,
             **instrument,
@@ -198,12 +203,12 @@ def _parse_station(text: str) -> GroundStation:
         raise ScenarioError(f"--station {error}") from None
 
 
-def _load_instrument(text: str) -> dict[str, Any]:
-    """Load a camera by name, or camera, constraints and finding of a scenario file."""
+def _load_instrument(text: str, settings: tuple[str, ...]) -> dict[str, Any]:
+    """Load a camera by name, or camera, constraints and finding of a scenario file with settings."""
     camera: Lidar
     constraints: Constraints | None
     finding: Finding | None = None
-    camera, constraints = load_lidar(text)
+    camera, constraints = load_lidar(text, settings)
     if text not in load_presets():
-        finding = Scenario.load(text).finding
+        finding = Scenario.load(text, settings).finding
     return {"lidar": camera, "lidar_name": text, "constraints": constraints, "finding": finding}

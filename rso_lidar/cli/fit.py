@@ -14,9 +14,11 @@ from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.evaluation import find_true_relative_state, fit_own_orbit, fit_relative_orbit, fit_tracking_data
 from rso_lidar.files import check_writable
-from rso_lidar.orbit import Epochs, Forces, State, TrackingDataMessage, format_utc, write_opm
+from rso_lidar.orbit import Epochs, Forces, State, TrackingDataMessage, format_utc, write_oem, write_opm
 from rso_lidar.track import MEASUREMENT_GATE, RELATIVE_MODELS, EstimatedOrbit
 
+_ORBITS = (".opm", ".oem")
+_STEP_S = 60.0  # between rows: interpolation is good to 1 um in low orbit
 _MANY = 0.1  # share of outliers at which the forces are the likely reason; the gate alone rejects under 1 %
 
 
@@ -67,7 +69,13 @@ def fit(
         float, typer.Option("--gate", metavar="P", help="Probability to keep a measurement without fault.")
     ] = MEASUREMENT_GATE,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write the own orbit with its covariance as an .opm.")
+        Path | None, typer.Option("-o", "--output", help="Write the own orbit with its covariance (.opm, .oem).")
+    ] = None,
+    target_orbit: Annotated[
+        Path | None,
+        typer.Option(
+            "--target-orbit", metavar="FILE", help="Write the target's orbit with its covariance (.opm, .oem)."
+        ),
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -91,13 +99,18 @@ def fit(
     if given := [name for name, is_given in others.items() if is_given]:
         kind = "recording, not a tracking data message" if is_message else "tracking data message (.tdm)"
         raise RecordingError(f"{given[0]}: is for a {kind}; leave it out")
+    if target_orbit is not None:
+        target_orbit = check_writable(target_orbit, _ORBITS, overwrite=overwrite)
     if output is not None:
-        output = check_writable(output, (".opm",), overwrite=overwrite)
+        output = check_writable(output, _ORBITS, overwrite=overwrite)
+        if target_orbit is not None and target_orbit.resolve() == output.resolve():
+            raise RecordingError(f"--target-orbit {target_orbit}: is the file of --output, too; give another name")
         if known_orbit:
             raise RecordingError("--output with --known-orbit: a known orbit is not fitted; leave one of them out")
     if own_only:
         unused = {
             "--target": target is not None, "--motion": motion != "nonlinear", "--known-orbit": known_orbit,
+            "--target-orbit": target_orbit is not None,
             "--range-noise": range_noise_m is not None, "--no-shape": not shape, "--misalignment": misalignment_arcsec > 0.0,
         }  # fmt: skip
         if given := [name for name, is_given in unused.items() if is_given]:
@@ -132,6 +145,9 @@ def fit(
         )
         for line in fitted.describe(chosen.target).splitlines():
             echo(line)
+        if target_orbit is not None:
+            _write_orbit(target_orbit, fitted.find_target_orbit(), chosen.target, fitted.statistics.time_s)
+            echo(f"{target_orbit}")
         return
     with export.open(recording) as read:
         some = export.Frames(read, select_frames(read, frames))
@@ -144,7 +160,7 @@ def fit(
                 gate=gate,
                 folder=recording.parent,
             )
-            lines, fits, orbit = own_fit.describe().splitlines(), [own_fit.statistics], own_fit.orbit
+            lines, fits, orbit, relative = own_fit.describe().splitlines(), [own_fit.statistics], own_fit.orbit, None
         else:
             navigation = fit_relative_orbit(
                 some,
@@ -162,7 +178,7 @@ def fit(
                 each=count_frames(some, "fitting"),
             )
             fits = [estimate.statistics for estimate in (navigation.own, navigation.fit) if estimate is not None]
-            orbit = navigation.fit.own
+            orbit, relative = navigation.fit.own, navigation
             truth = find_true_relative_state(some, navigation.target, navigation.fit.epoch_s)
             lines = navigation.describe().splitlines() + (
                 [] if truth is None else navigation.fit.describe_error(*truth)
@@ -175,13 +191,31 @@ def fit(
                 f"note: {used.n_rejected:,} of {len(used.used):,} measurements do not fit these forces; where the recorded "
                 "motion is two-body (kepler, state and hill motions are), give --zonal-degree 0"
             )
+    time_s = np.concatenate([used.time_s for used in fits])
     if output is not None:
-        _write_orbit(output, orbit)
+        _write_orbit(output, orbit, "follower", time_s)
         echo(f"{output}")
+    if target_orbit is not None and relative is not None:
+        _write_orbit(target_orbit, relative.fit.find_target_orbit(), relative.target, time_s)
+        echo(f"{target_orbit}")
 
 
-def _write_orbit(output: Path, orbit: EstimatedOrbit) -> None:
-    """Write an estimated orbit with its covariance as an OPM, at the whole microsecond of UTC next to its epoch."""
+def _write_orbit(output: Path, orbit: EstimatedOrbit, name: str, time_s: np.ndarray) -> None:
+    """Write an estimated orbit with its covariance as an OEM over measurements and start of the run, or as an OPM.
+
+    The epoch of an OPM is the whole microsecond of UTC next to that of the orbit.
+
+    Parameters
+    ----------
+    time_s : (measurement) instants since the start of the run [s]
+    """
+    if output.suffix.lower() == ".oem":
+        first_s, last_s = min(0.0, orbit.epoch_s, time_s.min()), max(orbit.epoch_s, time_s.max())
+        n_rows = max(2, 1 + int(np.ceil((last_s - first_s) / _STEP_S)))
+        epochs = Epochs(orbit.start_utc, np.linspace(first_s, last_s, n_rows))
+        known = orbit.covariances(epochs, name)
+        write_oem(output, name, name, epochs, orbit.states(epochs), covariances=known, overwrite=True)
+        return
     epoch_utc, elapsed_s = orbit.start_utc, 0.0
     for _ in range(2):  # a leap second in between counts as a second
         epoch_utc += datetime.timedelta(seconds=orbit.epoch_s - elapsed_s)
@@ -192,4 +226,4 @@ def _write_orbit(output: Path, orbit: EstimatedOrbit) -> None:
         position_m=tuple(moved.position_m.tolist()),
         velocity_m_s=tuple(moved.velocity_m_s.tolist()),
     )
-    write_opm(output, "follower", "follower", state, covariance=moved.covariance, overwrite=True)
+    write_opm(output, name, name, state, covariance=moved.covariance, overwrite=True)

@@ -27,7 +27,7 @@ reads Sun, Moon and planets from a user's kernel.
 **Measurements.** `TrackingDataMessage` reads ranges and angles of a TDM, and `write_tdm` writes them.
 
 **Covariances.** `read_covariances` reads those of an OEM, OPM or CDM as a `CovarianceHistory`, which gives them between its
-epochs. `gcrs_state_matrix` takes states and covariances from any named axes to GCRS.
+epochs; `write_oem` writes them. `gcrs_state_matrix` takes states and covariances from any named axes to GCRS.
 
 **Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability`, `integrate_collisions` and `sample_collisions` give
 the probability of collision of two states with covariance (`UncertainState`); `estimate_collision` chooses between them.
@@ -147,11 +147,9 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.trajectory import Trajectory, differentiate, find_breaks_s, state_rates, two_body_rates
     from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, solve_kepler, true_from_mean
     from rso_lidar.orbit.two_body.covariance_history import (
-        LOST_M,
-        LOST_M_S,
-        PRECISE_M,
-        PRECISE_M_S,
         CovarianceHistory,
+        check_covariances,
+        describe_unlikely_units,
     )
     from rso_lidar.orbit.two_body.izzo import Branch
     from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate_two_body
@@ -177,12 +175,8 @@ __all__ = [
     "J2",
     "LIMB_ANGLE_RAD",
     "LINE_ALTITUDE_M",
-    "LOST_M",
-    "LOST_M_S",
     "MOON_ANGLE_RAD",
     "PHASE_RAD",
-    "PRECISE_M",
-    "PRECISE_M_S",
     "RANGE_M",
     "SLEW_RAD_S",
     "SPEED_M_S",
@@ -257,9 +251,11 @@ __all__ = [
     "Way",
     "angle_rad",
     "beta_angle_rad",
+    "check_covariances",
     "check_radius",
     "convert_states",
     "describe_late_maneuvers",
+    "describe_unlikely_units",
     "differentiate",
     "earth_angular_radius_rad",
     "earth_limb_angle_rad",

@@ -77,6 +77,20 @@ def test_a_lidar_of_a_scenario_file(call, tmp_path):
     assert rl.Scenario.load(tmp_path / "a.toml").lidar.detector.armed_to_m == 3000
 
 
+def test_fields_of_scenarios_are_set_as_for_a_run(call, tmp_path):
+    out = call(FLYBY, *ASKED, "--lidar", shipped("examples/tle_flyby.toml"), "--set", "lidar.detector.armed_to_m=2500")
+    assert "tle_flyby.toml: reaches 1,000 to 2,500 m" in out
+    hop = shipped("examples/tdrs_approach.toml")
+    asked = (hop, "--follower", hop, "--within", "2km", "--start", "2024-09-17T12:00:00Z", "--days", "0.01")
+    rest = ["--set", "follower.motion.position_m=[0,-1500,0]", "--set", "follower.motion.velocity_m_s=[0,0,0]"]
+    call(*asked, *rest, "--csv", tmp_path / "a.csv")
+    (row,) = read_rows(tmp_path / "a.csv")
+    assert float(row["range_m"]) == pytest.approx(1500.0, abs=1.0)  # at rest behind a geosynchronous target, for 14 min
+    assert "no encounter found" in call(*asked)
+    with pytest.raises(RsoLidarError, match="--set name=x: changes scenarios, and none of the files is one"):
+        call(FLYBY, *ASKED, "--set", "name=x")
+
+
 def test_exclusions_by_options(call, tmp_path):
     place = tmp_path / "a.csv"
     out = call(FLYBY, *ASKED, "--sun-exclusion", 100, "--keep-out", "1500m", "--csv", place)
@@ -350,7 +364,7 @@ def test_the_history_of_sets_is_a_source(call, tmp_path):
         (["--hard-body", "99002=-2m"], "'-2m' is no length"),
         (["--covariance", "99002="], "--covariance 99002=: needs an object and a value"),
         (["--covariance", "99002=bare.oem"], "bare.oem: has no covariance of STAGE"),
-        (["--covariance", "99002=bad.oem"], "bad.oem: is not symmetric with variances of 0 or more"),
+        (["--covariance", "99002=bad.oem"], "bad.oem: is not positive semidefinite: a variance is below 0"),
         (["--covariance", "99002=flat.oem"], "flat.oem: is not .*; correct its terms"),
         (["--covariance", f"99002={FLYBY}"], "has one element set; differences need two or more"),
     ],

@@ -43,6 +43,16 @@ def test_a_scenario_alone_is_enough(call):
     assert len([line for line in out.splitlines() if line.startswith("1  ")]) == 1
 
 
+def test_fields_of_the_scenario_are_set_as_for_a_run(call, tmp_path):
+    """A hold 1500 m behind on the orbit, at rest: within 2 km from the start on, where the hop is not."""
+    asked = (HOP, "--days", "0.01", "--when", "range < 2km", "-o", tmp_path / "a.json", "--overwrite")
+    rest = ["--set", "follower.motion.position_m=[0,-1500,0]", "--set", "follower.motion.velocity_m_s=[0,0,0]"]
+    call(*asked, *rest)
+    (row,) = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["events"]
+    assert row["begin_utc"].startswith("2024-09-17T12:00:00") and row["nearest_m"] == pytest.approx(1500.0, abs=1.0)
+    assert "no event found" in call(*asked)
+
+
 def test_without_an_expression_the_reach_of_the_lidar_counts(call):
     out = call(FLYBY, *ASKED, "--lidar", "gsfl_1064")
     assert "in reach: visible and range < " in out
@@ -60,6 +70,8 @@ def test_nothing_found_is_no_error(call, tmp_path):
         (["--when", "range < 5"], "--when 'range < 5': '5' has no unit; write 5m"),
         (["--when", "contact(Gratz)", "--station", "Graz=47,15"], "did you mean 'Graz'"),
         (["--station", "Graz=47"], "--station Graz=47: is not a station"),
+        (["--set", "name=x"], "--set name=x: changes scenarios, and none of the files is one; leave it out"),
+        (["--lidar", HOP, "--set", "lidar.laser.energy=1"], "lidar.laser: unknown key 'energy'"),
         (["--station", "G=100,2"], "--station station G: latitude_deg: 100.0 is not within 90"),
         (["--all-pairs"], "exclude each other"),
         (["--days", "90"], "--days: 90 is not a time span"),

@@ -2,9 +2,11 @@
 
 from functools import partial
 
+import numpy as np
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.study.dispersions.start_errors import resolve_start_errors
 from tests.evaluation.orbit_determination.scenario_for_tests import load_small
 
 
@@ -63,9 +65,43 @@ def test_orbit_and_measurements_of_a_recording_are_fitted_again(call, rso_lidar,
         assert status == 2 and errors[-1].endswith(message)
 
 
+def test_orbits_of_a_fit_are_written_with_covariances_that_others_read(call, rso_lidar, stage, tmp_path):
+    own, target, single = (tmp_path / name for name in ("own.oem", "stage.oem", "stage.opm"))
+    options = (stage, "--zonal-degree", "0", "--range-noise", "0.05")
+    status, said, _ = call(*options, "-o", own, "--target-orbit", target)
+    assert status == 0 and said.splitlines()[-2:] == [str(own), str(target)]
+    assert call(*options, "--target-orbit", single)[0] == 0
+    follower, approached, at_epoch = (rl.orbit.read_covariances(file) for file in (own, target, single))
+    assert (follower.label, approached.label) == ("follower", "stage") and len(follower.epochs) == 2
+    start = rl.orbit.Epochs(follower.epochs.start_utc, follower.epochs.time_s[:1])
+    apart = approached.reference.states(start).position_m - follower.reference.states(start).position_m
+    assert np.linalg.norm(apart) == pytest.approx(60.5, abs=2.0)  # scenario: 60 m along the track, 4 m across it
+    there = rl.orbit.Epochs(at_epoch.epochs.start_utc, at_epoch.epochs.time_s)
+    np.testing.assert_allclose(
+        at_epoch.sigma, np.sqrt(np.diagonal(approached.at(there, axes="rtn"), 0, 1, 2)), rtol=1e-3
+    )
+    # both orbits share the errors of GNSS, about 1 m; the relative state is better known than either
+    assert 0.1 < follower.sigma[0, 0] < 3.0 and 0.1 < approached.sigma[0, 0] < 3.0
+    scenario = load_small(
+        "dispersion.start.type='covariance'", f"dispersion.start.file={str(own)!r}",
+        "dispersion.target.start.type='covariance'", f"dispersion.target.start.file={str(target)!r}",
+    )  # fmt: skip
+    found = resolve_start_errors(scenario, "stage")
+    rtn = follower.at(scenario.time.start_utc, axes="rtn", rotating=True)[0]
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), np.sqrt(np.diag(rtn)), rtol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (
+            ("--own-only", "--target-orbit", "never.oem"),
+            "--own-only with --target-orbit: the own orbit does not depend on it; leave one of them out",
+        ),
+        (
+            ("-o", "a.oem", "--target-orbit", "a.oem"),
+            "--target-orbit a.oem: is the file of --output, too; give another name",
+        ),
         (("--own", "x.opm"), "--own: is for a tracking data message (.tdm); leave it out"),
         (("--round-trip",), "--round-trip: is for a tracking data message (.tdm); leave it out"),
         (

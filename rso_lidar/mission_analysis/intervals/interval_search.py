@@ -63,6 +63,7 @@ def events(
     limit: int | None = None,
     plate: ViewedPlate | None = None,
     finding: Finding | None = None,
+    settings: Sequence[str] = (),
     trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> Events:
@@ -92,6 +93,7 @@ def events(
     min_duration_s : least duration of an interval [s]
     limit : greatest number of rows (None: all)
     plate : what the lidar looks at (None: all values are assumed)
+    settings : fields that are set in each scenario among the files, as `lidar.laser.energy_mj=20`
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that scenarios among the files name
 
     Returns
@@ -107,7 +109,7 @@ def events(
         For objects that cannot be used, and a follower that is not among them.
     """
     if isinstance(follower, Path):
-        follower = load_follower(str(follower), trust_code=trust_code, trust_fmu=trust_fmu)
+        follower = load_follower(str(follower), settings=settings, trust_code=trust_code, trust_fmu=trust_fmu)
     body = getattr(follower, "trajectory", follower)
     scenario = body.scenario if isinstance(body, BodyTrajectory) else None
     if scenario is not None:
@@ -132,7 +134,7 @@ def events(
     light = PlateLight(lidar, plate or ViewedPlate(), finding or Finding())
     texts = _name_expressions(when, lidar)
     expressions = {name: parse_expression(text, WORDS) for name, text in texts.items()}
-    objects = collect_objects(catalog, trust_code=trust_code, trust_fmu=trust_fmu)
+    objects = collect_objects(catalog, settings=settings, trust_code=trust_code, trust_fmu=trust_fmu)
     lead: Any = None
     if follower is None:
         flown = group_by_object(objects.entries)

@@ -12,7 +12,6 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit import (
-    PRECISE_M,
     CollisionEstimate,
     ConjunctionMessage,
     ConjunctionObject,
@@ -21,6 +20,7 @@ from rso_lidar.orbit import (
     UncertainSeparation,
     UncertainState,
     check_radius,
+    describe_unlikely_units,
     estimate_collision,
     format_utc,
     sample_collisions,
@@ -155,12 +155,9 @@ def assess_conjunction(
             "probability holds there"
         )
     for body, state in ((message.first, first), (message.second, second)):
-        sigma_m = math.sqrt(float(np.diag(state.covariance)[:3].max()))
-        if 0.0 < sigma_m < PRECISE_M:
-            notes.append(
-                f"{body.label}: its position is said to be known to {sigma_m:.3g} m, better than precise orbits; as km² the "
-                f"covariance would be that of {1000.0 * sigma_m:.3g} m, and the message has m²"
-            )
+        slip = describe_unlikely_units(state.covariance, "m", "larger")
+        if slip:
+            notes.append(f"{body.label}: {slip}")
     radius, source = _choose_radius(message, radius_m)
     collision, drawn = None, None
     if radius is not None:

@@ -79,6 +79,7 @@ def encounters(
     radius_m: float | None = None,
     hard_bodies: Mapping[Any, Any] | None = None,
     covariances: Any = None,
+    settings: Sequence[str] = (),
     trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> Encounters:
@@ -118,6 +119,7 @@ def encounters(
         source is a file (OEM, OPM, CDM, element sets, or a CSV table by age with age_days, radial_m, along_m, cross_m),
         `SetErrors`, `SetErrorTable`, or anything that answers `at(epochs)` with (time, 6, 6) in GCRS axes. Element sets of
         `catalog` are a source for their own object, as are covariances in its OEM or OPM
+    settings : fields that are set in each scenario among the files, as `lidar.laser.energy_mj=20`
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that scenarios among the files name
 
     Returns
@@ -145,8 +147,8 @@ def encounters(
         lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
     light = PlateLight(lidar, plate or ViewedPlate(), finding or Finding())
     if isinstance(follower, Path):
-        follower = load_follower(str(follower), trust_code=trust_code, trust_fmu=trust_fmu)
-    found_objects = collect_objects(catalog, trust_code=trust_code, trust_fmu=trust_fmu)
+        follower = load_follower(str(follower), settings=settings, trust_code=trust_code, trust_fmu=trust_fmu)
+    found_objects = collect_objects(catalog, settings=settings, trust_code=trust_code, trust_fmu=trust_fmu)
     entries = [*found_objects.entries, *_list_sets(follower)]
     bodies, sources = HardBodies(entries, radius_m, hard_bodies), CovarianceSources(covariances, entries)
     lead: Any = None

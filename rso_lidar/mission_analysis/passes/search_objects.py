@@ -43,6 +43,7 @@ class SearchObjects:
     problems : label and reason of what was left out
     where : name of the source, for messages
     trust_code, trust_fmu : whether Python code and FMUs may run that scenarios among the files name
+    settings : fields that are set in the scenarios among the files, each as `key=value`
     """
 
     entries: list[Any] = field(default_factory=list)
@@ -50,6 +51,7 @@ class SearchObjects:
     where: str = "catalogue"
     trust_code: bool = False
     trust_fmu: bool = False
+    settings: tuple[str, ...] = ()
 
     def find(self, wanted: int | str, source: Any) -> list[Any]:
         """Find the entries of one object: its element sets, or its trajectory.
@@ -121,13 +123,16 @@ class SearchObjects:
         return meant if text else []
 
 
-def collect_objects(source: Any, *, trust_code: bool = False, trust_fmu: bool = False) -> SearchObjects:
+def collect_objects(
+    source: Any, *, settings: Iterable[str] = (), trust_code: bool = False, trust_fmu: bool = False
+) -> SearchObjects:
     """Collect the objects of a search.
 
     Parameters
     ----------
     source : path of a file, a catalogue, an iterable of element sets, trajectories and paths, or a mapping of names to
         trajectories
+    settings : fields that are set in the scenarios among the files, each as `key=value`
     trust_code, trust_fmu : whether Python code and FMUs may run that scenarios among the files name
 
     Raises
@@ -135,7 +140,7 @@ def collect_objects(source: Any, *, trust_code: bool = False, trust_fmu: bool = 
     CatalogError
         For what is none of these.
     """
-    objects = SearchObjects(trust_code=trust_code, trust_fmu=trust_fmu)
+    objects = SearchObjects(trust_code=trust_code, trust_fmu=trust_fmu, settings=tuple(settings))
     if isinstance(source, str | os.PathLike):
         objects.where = str(os.fspath(source))
         _add_file(objects, os.fspath(source))
@@ -238,7 +243,7 @@ def _add_file(objects: SearchObjects, path: Any) -> None:
     text = str(path)
     kind = _find_kind(text)
     if kind == "scenario":
-        scenario = Scenario.load(text, trust_code=objects.trust_code, trust_fmu=objects.trust_fmu)
+        scenario = Scenario.load(text, objects.settings, trust_code=objects.trust_code, trust_fmu=objects.trust_fmu)
         orbiting = [body for body in scenario.bodies if body.orbits]
         for body in orbiting or scenario.bodies:
             objects.entries.append(_name_body(text, scenario, body.name))
@@ -268,11 +273,12 @@ def _resolve(path: str) -> str:
     return str(Path(path).resolve())
 
 
-def load_follower(path: str, *, trust_code: bool = False, trust_fmu: bool = False) -> Any:
+def load_follower(path: str, *, settings: Iterable[str] = (), trust_code: bool = False, trust_fmu: bool = False) -> Any:
     """Load the follower of a search from a file of one object: element sets, an ephemeris, or a scenario's follower.
 
     Parameters
     ----------
+    settings : fields that are set in a scenario, each as `key=value`
     trust_code, trust_fmu : whether Python code and FMUs may run that a scenario names
 
     Raises
@@ -281,7 +287,8 @@ def load_follower(path: str, *, trust_code: bool = False, trust_fmu: bool = Fals
         If the file holds several objects.
     """
     if _find_kind(path) == "scenario":
-        return _name_body(path, Scenario.load(path, trust_code=trust_code, trust_fmu=trust_fmu), _FOLLOWER)
+        scenario = Scenario.load(path, tuple(settings), trust_code=trust_code, trust_fmu=trust_fmu)
+        return _name_body(path, scenario, _FOLLOWER)
     objects = collect_objects(path)
     if not objects.entries:
         label, why = (objects.problems or [("the file", "it holds no object; give another one")])[0]

@@ -59,14 +59,17 @@ def read_covariances(
     text = read_table_text(find_table(where)[0])
     orientation = None if earth_orientation_file is None else EarthOrientation.from_file(earth_orientation_file)
     if is_message_of("OEM", text):
-        history, is_kilometres = _read_ephemeris(text, where, name, earth_orientation_file, orientation), True
+        history = _read_ephemeris(text, where, name, earth_orientation_file, orientation)
     elif is_message_of("OPM", text):
-        history, is_kilometres = _read_state(OrbitParameterMessage.from_text(text, where, orientation), name), True
+        history = _read_state(OrbitParameterMessage.from_text(text, where, orientation), name)
     elif is_message_of("CDM", text):
-        history, is_kilometres = _read_conjunction(ConjunctionMessage.from_text(text, where), name), False
+        history = _read_conjunction(ConjunctionMessage.from_text(text, where), name)
     else:
         raise ScenarioError(f"{where}: is no OEM, OPM or CDM, which hold covariances; give one of them")
-    slip = describe_unlikely_units(history.matrices, is_kilometres)
+    if is_message_of("CDM", text):  # its unknown components are large on purpose
+        slip = describe_unlikely_units(history.matrices, "m", "larger")
+    else:
+        slip = describe_unlikely_units(history.matrices, "km", "smaller")
     if slip:
         warn_of_input(f"{where}: {history.label}: {slip}")
     return history

@@ -16,12 +16,17 @@ from rso_lidar.orbit.ccsds.ephemeris_arc import DEGREE, PLACES, SPEEDS
 from rso_lidar.orbit.ccsds.kvn import format_keywords, format_kvn, make_header
 from rso_lidar.orbit.ccsds.reference_frames import WRITTEN_ORBIT_AXES, StateFrame, convert_to_written
 from rso_lidar.orbit.ccsds.state_message import STATE_KEYS, StatedManeuver
+from rso_lidar.orbit.ccsds.table_segment import EDGE_S
 from rso_lidar.orbit.earth.axes import EarthAxes
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
-from rso_lidar.orbit.epochs import Epochs, format_epochs, tai_ps_from_utc
+from rso_lidar.orbit.epochs import Epochs, format_epochs, format_utc, tai_ps_from_utc
+from rso_lidar.orbit.two_body.covariance_history import CovarianceHistory
 from rso_lidar.orbit.two_body.kepler import State
-from rso_lidar.orbit.two_body.orbit_axes import OrbitAxes, invert_state_matrix
+from rso_lidar.orbit.two_body.orbit_axes import ORBIT_AXES, OrbitAxes, check_axes, invert_state_matrix
+from rso_lidar.pose import length
 from rso_lidar.records import BodyState
+
+_APART = 0.01  # share of the distance from the Earth's centre: 70 km in low orbit, where rtn axes differ by 0.6 deg
 
 
 def write_oem(
@@ -34,6 +39,8 @@ def write_oem(
     originator: str = "RSO_LIDAR",
     version: Literal["2.0", "3.0"] = "2.0",
     breaks_s: Sequence[float] = (),
+    covariances: CovarianceHistory | None = None,
+    covariance_axes: OrbitAxes | None = None,
     axes: EarthAxes = "gcrs",
     frame_epoch_utc: datetime.datetime | None = None,
     orientation: EarthOrientation | None = None,
@@ -41,6 +48,8 @@ def write_oem(
     overwrite: bool = False,
 ) -> Path:
     """Write GCRS states as an OEM (keyword = value; UTC; GCRF unless other axes are chosen) to 1e-6 m and 1e-9 m/s.
+
+    Covariances are written to 16 digits, at their own epochs; `read_covariances` reads them.
 
     Parameters
     ----------
@@ -55,6 +64,9 @@ def write_oem(
     version : version of the format
     breaks_s : instants [s] at which the velocity jumps; a new segment begins at each, since interpolation must not
         cross them
+    covariances : covariances of the states, at epochs within the segments; none if left out
+    covariance_axes : orbital axes in which the file states the covariances, "rtn", "tnw", "ntw", "vnc" or "lvlh_ccsds",
+        with velocities relative to inertial axes; those of the states if left out
     axes : axes of the file: "gcrs", "eme2000", "mod", "tod", "teme" or "itrs"
     frame_epoch_utc : for "mod", "tod" and "teme", the one epoch of the axes (REF_FRAME_EPOCH); by default they are those
         of each row's date
@@ -70,18 +82,23 @@ def write_oem(
     Raises
     ------
     RecordingError
-        if the states or epochs make no ephemeris, or the file cannot be written
+        if the states or epochs make no ephemeris, the covariances are not about it, or the file cannot be written
     ScenarioError
         if the axes are unknown, or have no epoch of their own
     """
-    _check_rows(epochs, states)
+    orbit = _check_rows(epochs, states)
+    blocks = []
+    if covariances is not None:
+        _check_orbit(covariances, epochs, orbit)
+        chosen = _choose_frame(covariance_axes, axes, frame_epoch_utc)
+        blocks = _format_covariances(covariances, chosen, covariance_axes, orientation)
     states, frame = convert_to_written(states, epochs, axes, frame_epoch_utc, orientation)
     rows, texts = _check_rows(epochs, states), format_epochs(epochs)
     edges = np.searchsorted(epochs.time_s, np.sort(np.asarray(breaks_s, dtype=float)))
+    parts = [part for part in np.split(np.arange(len(rows)), np.unique(edges)) if len(part)]
+    places = _place_covariances(covariances, epochs, parts)
     segments = []
-    for part in np.split(np.arange(len(rows)), np.unique(edges)):
-        if not len(part):
-            continue
+    for number, part in enumerate(parts):
         if len(part) < 2:
             at = epochs.time_s[part[0]]
             raise RecordingError(
@@ -98,7 +115,9 @@ def write_oem(
             "INTERPOLATION": "HERMITE",
             "INTERPOLATION_DEGREE": str(min(DEGREE, 2 * len(part) - 1)),
         }
-        segments.append((meta, [_format_line(texts[k], rows[k].tolist()) for k in part]))
+        lines = [_format_line(texts[k], rows[k].tolist()) for k in part]
+        own = [line for k in np.flatnonzero(places == number) for line in blocks[k]]
+        segments.append((meta, [*lines, *(["", "COVARIANCE_START", *own, "COVARIANCE_STOP"] if own else [])]))
     header = make_header(originator, created_utc)
     return write_text(path, format_kvn("OEM", version, header, segments), overwrite=overwrite)
 
@@ -107,6 +126,77 @@ def _format_line(text: str, row: list[float]) -> str:
     """Format a line of an OEM: km to 1e-9, km/s to 1e-12."""
     cells = [*(f"{value / units.KM:.9f}" for value in row[:3]), *(f"{value / units.KM:.12f}" for value in row[3:])]
     return " ".join([text, *cells])
+
+
+def _choose_frame(
+    covariance_axes: OrbitAxes | None, axes: EarthAxes, frame_epoch_utc: datetime.datetime | None
+) -> StateFrame:
+    """Return the axes of the covariances of a file: of the orbit, or without a choice those of its states."""
+    if covariance_axes is not None:
+        check_axes(covariance_axes, ORBIT_AXES)
+        return StateFrame("", covariance_axes)
+    return StateFrame("", axes, frozen_ps=None if frame_epoch_utc is None else tai_ps_from_utc(frame_epoch_utc))
+
+
+def _check_orbit(covariances: CovarianceHistory, epochs: Epochs, rows: np.ndarray) -> None:
+    """Check that the covariances are about the orbit of the states of a file.
+
+    Parameters
+    ----------
+    epochs, rows : (row,), (row, 6) states of the file in GCRS axes [m], [m/s]
+    """
+    if not covariances.has_velocity:
+        raise RecordingError(
+            "covariances: have no terms of velocity, which an OEM states (502.0-B, 5.2.5); leave the covariances out"
+        )
+    about_m = covariances.reference.states(covariances.epochs).position_m
+    away_s = np.abs(epochs.time_s - covariances.epochs.since(epochs.start_utc)[:, None])
+    nearest = away_s.argmin(axis=1)
+    place_m, speed_m_s = rows[nearest, :3], length(rows[nearest, 3:])
+    beyond_m = length(place_m - about_m) - speed_m_s * away_s.min(axis=1)  # what motion from the row does not explain
+    if (beyond_m > _APART * length(place_m)).any():
+        raise RecordingError(
+            f"covariances: are about an orbit that is {beyond_m.max() / units.KM:,.0f} km from the states; give those of "
+            "this object"
+        )
+
+
+def _place_covariances(
+    covariances: CovarianceHistory | None, epochs: Epochs, parts: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Return the number (covariance,) of the segment in which each covariance is; where two meet, the later one.
+
+    Parameters
+    ----------
+    parts : (segment) numbers of the rows of each segment
+    """
+    if covariances is None:
+        return np.zeros(0, dtype=int)
+    at_s = covariances.epochs.since(epochs.start_utc)
+    begin_s, end_s = (epochs.time_s[[part[k] for part in parts]] for k in (0, -1))
+    which = np.searchsorted(begin_s - EDGE_S, at_s, side="right") - 1
+    outside = (which < 0) | (at_s > end_s[which] + EDGE_S)
+    if outside.any():
+        first = format_utc(epochs.start_utc, float(at_s[np.argmax(outside)]))
+        raise RecordingError(
+            f"covariances: {int(outside.sum())} of {len(at_s)} are at epochs outside the segments of the states, first "
+            f"{first}; give states there, or leave these covariances out"
+        )
+    return which
+
+
+def _format_covariances(
+    covariances: CovarianceHistory, frame: StateFrame, axes: OrbitAxes | None, orientation: EarthOrientation | None
+) -> list[list[str]]:
+    """Format the lines of each covariance: its epoch, its axes, and the lower triangle to 16 digits."""
+    states = covariances.reference.states(covariances.epochs)
+    turns = invert_state_matrix(frame.find_matrix(covariances.epochs, states, orientation))
+    named = [] if axes is None else [f"COV_REF_FRAME = {WRITTEN_ORBIT_AXES[axes]}"]
+    turned = turns @ covariances.matrices @ np.swapaxes(turns, 1, 2) / units.KM**2
+    return [
+        [f"EPOCH = {text}", *named, *(" ".join(f"{term:.15e}" for term in matrix[row, : row + 1]) for row in range(6))]
+        for text, matrix in zip(format_epochs(covariances.epochs), turned, strict=True)
+    ]
 
 
 def write_opm(
@@ -176,8 +266,7 @@ def write_opm(
             raise RecordingError(f"mass_kg: {mass_kg:g} kg; give a mass above 0")
         blocks.append({"MASS": f"{mass_kg:.6f} [kg]"})
     if covariance is not None:
-        stamp = None if frame_epoch_utc is None else tai_ps_from_utc(frame_epoch_utc)
-        chosen = StateFrame("", axes, frozen_ps=stamp) if covariance_axes is None else StateFrame("", covariance_axes)
+        chosen = _choose_frame(covariance_axes, axes, frame_epoch_utc)
         turn = invert_state_matrix(chosen.find_matrix(at, given, orientation))[0]
         blocks.append(_format_covariance(covariance, turn, covariance_axes))
     if maneuvers and mass_kg is None:

@@ -17,18 +17,24 @@ from typing import Literal, get_args
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
 from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs, itrs_from_gcrs_rate
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.axes_of_date import gcrs_from_axes_of_date
-from rso_lidar.orbit.two_body.orbit_axes import OrbitAxes, orbit_axes_matrix, orbit_state_matrix, state_matrix
+from rso_lidar.orbit.two_body.orbit_axes import (
+    ORBIT_AXES,
+    OrbitAxes,
+    check_axes,
+    orbit_axes_matrix,
+    orbit_state_matrix,
+    state_matrix,
+)
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 
 EarthAxes = Literal["gcrs", "eme2000", "mod", "tod", "teme", "itrs"]
 EARTH_AXES: tuple[EarthAxes, ...] = get_args(EarthAxes)
-ORBIT_AXES: tuple[OrbitAxes, ...] = get_args(OrbitAxes)
 
 
 def gcrs_from_eme2000() -> np.ndarray:
@@ -204,12 +210,3 @@ def gcrs_state_matrix(
         back = matrix[:, :3, :3]
         matrix[:, 3:, :3] = -back @ itrs_from_gcrs_rate(epochs, orientation) @ back
     return matrix
-
-
-def check_axes(axes: str, known: tuple[str, ...]) -> None:
-    """Check that axes have a known name, and raise `ScenarioError` if not."""
-    if axes in known:
-        return
-    if axes in ("lvlh", "LVLH"):
-        raise ScenarioError("axes: 'lvlh' means two things; write 'rtn' (x outward) or 'lvlh_ccsds' (z to nadir)")
-    raise ScenarioError(f"axes: '{axes}' are unknown{did_you_mean(str(axes), known)} (known: {', '.join(known)})")

@@ -30,10 +30,10 @@ _NEGATIVE = 1e-3  # relative size of a negative eigenvalue that rounding of digi
 _EDGE_S = 1e-3  # an instant this close to an epoch is that epoch: 7.5 m along the track in low orbit
 # 10 m/s of speed are 3 v T = 170 km along the track after one low revolution, and go with 10 km of position (v = n r). Sets
 # that catalogues publish are known to some km and m/s; what is worse is lost, and nothing flies to it.
-LOST_M, LOST_M_S = 100_000.0, 10.0
+_LOST_M, _LOST_M_S = 100_000.0, 10.0
 # Precise orbits are known to 1 to 2 cm and 10 um/s (GRACE: Kang et al., J. Geodesy 80 (2006) 322), relative ones to 1 mm by
 # carrier phases in processing afterwards: no start of a flight is known to less than both of these.
-PRECISE_M, PRECISE_M_S = 0.1, 1e-4
+_PRECISE_M, _PRECISE_M_S = 0.1, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +75,49 @@ class CovarianceHistory:
         clean = check_covariances(matrices, where)
         clean.flags.writeable = False
         object.__setattr__(self, "matrices", clean)
+
+    @classmethod
+    def from_axes(
+        cls,
+        label: str,
+        reference: Trajectory,
+        epochs: Epochs,
+        matrices: np.ndarray,
+        axes: OrbitAxes = "rtn",
+        *,
+        rotating: bool = False,
+        source: str = "",
+    ) -> CovarianceHistory:
+        """Make a history of covariances along the axes of their orbit.
+
+        Parameters
+        ----------
+        label : name of the object
+        reference : the orbit about which they are, anything with `states(epochs)`
+        epochs : (time,) increasing instants of the covariances
+        matrices : (time, 6, 6) covariances in `axes` [m2, m2/s, m2/s2]
+        axes : "rtn", "lvlh_ccsds", "vnc", "ntw" or "tnw" of the reference orbit
+
+        Other Parameters
+        ----------------
+        rotating : whether velocities are relative to the axes as they turn, rather than to inertial axes
+        source : where the covariances come from, for messages and tables
+
+        Returns
+        -------
+        CovarianceHistory
+
+        Raises
+        ------
+        ScenarioError
+            if there is no covariance, the epochs do not increase, or a matrix is not symmetric and positive semidefinite
+        """
+        given = to_real_array(matrices)
+        if given is None or given.shape != (len(epochs), 6, 6):
+            raise ScenarioError(f"{source or label}: covariances need shape (time, 6, 6), one for each of the epochs")
+        states = reference.states(epochs)
+        turn = orbit_state_matrix(axes, states.position_m, states.velocity_m_s, rotating=rotating)
+        return cls(label, source, reference, epochs, turn @ given @ np.swapaxes(turn, 1, 2))
 
     @property
     def sigma(self) -> np.ndarray:
@@ -178,12 +221,20 @@ def _rotating_rtn(states: BodyState) -> np.ndarray:
 
 
 def check_covariances(matrices: np.ndarray, where: str, cure: str = "") -> np.ndarray:
-    """Check that matrices (…, 6, 6) are covariances to the rounding of their digits, and return them symmetric.
+    """Check that matrices are covariances to the rounding of their digits, and return them symmetric.
+
+    Mirrored terms may differ, and eigenvalues in units of the sigmas be negative, by 1e-3: terms come with few digits.
 
     Parameters
     ----------
+    matrices : (…, n, n) covariances of any unit
     where : name of the source, for messages
     cure : a further cure for the message; none if empty
+
+    Returns
+    -------
+    (…, n, n)
+        the means of the matrices and their transposes
 
     Raises
     ------
@@ -194,8 +245,10 @@ def check_covariances(matrices: np.ndarray, where: str, cure: str = "") -> np.nd
     variances = np.diagonal(matrices, axis1=-2, axis2=-1)
     scale = np.sqrt(np.abs(variances))
     unit = scale[..., :, None] * scale[..., None, :]
-    if (np.abs(matrices - mirrored) > _ASYMMETRY * unit).any() or (variances < 0.0).any():
-        raise ScenarioError(f"{where}: is not symmetric with variances of 0 or more; correct its terms")
+    if (np.abs(matrices - mirrored) > _ASYMMETRY * unit).any():
+        raise ScenarioError(f"{where}: is not symmetric; give the same number on both sides of the diagonal")
+    if (variances < 0.0).any():
+        raise ScenarioError(f"{where}: is not positive semidefinite: a variance is below 0; correct its terms")
     full: np.ndarray = 0.5 * (matrices + mirrored)
     least = float(np.linalg.eigvalsh(full / np.where(unit > 0.0, unit, 1.0)).min())
     if least < -_NEGATIVE or (np.abs(full) > unit * (1.0 + _ASYMMETRY)).any():
@@ -205,26 +258,43 @@ def check_covariances(matrices: np.ndarray, where: str, cure: str = "") -> np.nd
     return full
 
 
-def describe_unlikely_units(covariance: Any, is_kilometres: bool) -> str:
-    """Describe sigmas of a covariance that look like another unit; empty where they do not.
+def describe_unlikely_units(
+    covariance: Any, unit: Literal["km", "m"], suspected: Literal["larger", "smaller", "both"] = "both"
+) -> str:
+    """Describe sigmas of a covariance that look like another unit than that of their source; empty where they do not.
+
+    Larger than those of a lost object, they look like the next smaller unit (m for km, mm for m); less than those of precise
+    orbits, like the next larger one.
 
     Parameters
     ----------
-    covariance : (…, 6, 6) [m2, m2/s, m2/s2]
-    is_kilometres : whether the source states it in km2, km2/s and km2/s2, rather than in metres
+    covariance : (…, 6, 6) [m2, m2/s, m2/s2]; sigmas of 0 are not stated
+    unit : of length, in which the source states it
+    suspected : units that its author may have used instead
+
+    Returns
+    -------
+    str
+        sigmas, what they would be in the other unit, and the cure
     """
     variances = np.diagonal(np.asarray(covariance), axis1=-2, axis2=-1).reshape(-1, 6)
     place_m, speed_m_s = (float(np.sqrt(variances[:, part].max())) for part in (slice(0, 3), slice(3, 6)))
-    if is_kilometres and (place_m > LOST_M or speed_m_s > LOST_M_S):
+    known = _format_sigmas(place_m, speed_m_s)
+    if suspected != "larger" and (place_m > _LOST_M or speed_m_s > _LOST_M_S):
+        smaller, other = {"km": "m", "m": "mm"}[unit], _format_sigmas(place_m / units.KM, speed_m_s / units.KM)
         return (
-            f"sigmas of {place_m:.4g} m and {speed_m_s:.4g} m/s are those of a lost object; the standard has km², km²/s and "
-            f"km²/s², and as m² they would be {place_m / units.KM:.4g} m and {speed_m_s / units.KM:.4g} m/s: then divide "
-            "the terms by 1e6"
+            f"{known} is that of a lost object, over {_LOST_M / units.KM:g} km or {_LOST_M_S:g} m/s; read in {smaller} "
+            f"instead of {unit}, it would be {other}: then divide terms of a covariance by 1e6, and sigmas by 1000"
         )
-    if not is_kilometres and 0.0 < place_m < PRECISE_M and speed_m_s < PRECISE_M_S:
+    if suspected != "smaller" and 0.0 < place_m < _PRECISE_M and speed_m_s < _PRECISE_M_S:
+        larger, other = {"km": "Mm", "m": "km"}[unit], _format_sigmas(place_m * units.KM, speed_m_s * units.KM)
         return (
-            f"sigmas of {place_m:.4g} m and {speed_m_s:.4g} m/s are less than those of precise orbits; the standard has m², "
-            f"and as km² they would be {place_m * units.KM:.4g} m and {speed_m_s * units.KM:.4g} m/s: then multiply the "
-            "terms by 1e6"
+            f"{known} is less than that of precise orbits; read in {larger} instead of {unit}, it would be {other}: then "
+            "multiply terms of a covariance by 1e6, and sigmas by 1000"
         )
     return ""
+
+
+def _format_sigmas(place_m: float, speed_m_s: float) -> str:
+    words = [f"{value:.4g} {unit}" for value, unit in ((place_m, "m"), (speed_m_s, "m/s")) if value > 0.0]
+    return f"a sigma of {' and '.join(words)}"

@@ -13,17 +13,19 @@ inertial v = R (v' + omega x r'). The matrices (6, 6) here are the derivatives o
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.pose import cross, dot, skew
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 OrbitAxes = Literal["rtn", "lvlh_ccsds", "vnc", "ntw", "tnw"]
+ORBIT_AXES: tuple[OrbitAxes, ...] = get_args(OrbitAxes)
 
 
 def rtn_axes(
@@ -93,6 +95,7 @@ def rtn_from_lvlh_ccsds() -> Rotation:
 
 def orbit_axes_matrix(axes: OrbitAxes, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
     """Return inertial_from_axes (…, 3, 3) of orbital axes, from inertial states (…, 3)."""
+    check_axes(axes, ORBIT_AXES)
     inertial_from_rtn, _ = rtn_matrix(position_m, velocity_m_s)
     radial, along, normal = np.moveaxis(inertial_from_rtn, -1, 0)
     if axes == "rtn":
@@ -177,6 +180,20 @@ def orbit_state_matrix(
     Returns
     -------
     (…, 6, 6)
+
+    Raises
+    ------
+    ScenarioError
+        if the name is unknown
     """
     turn = orbit_axes_rate(axes, position_m, velocity_m_s) if rotating else None
     return state_matrix(orbit_axes_matrix(axes, position_m, velocity_m_s), turn)
+
+
+def check_axes(axes: str, known: tuple[str, ...]) -> None:
+    """Check that axes have a known name, and raise `ScenarioError` if not."""
+    if axes in known:
+        return
+    if axes in ("lvlh", "LVLH"):
+        raise ScenarioError("axes: 'lvlh' means two things; write 'rtn' (x outward) or 'lvlh_ccsds' (z to nadir)")
+    raise ScenarioError(f"axes: '{axes}' are unknown{did_you_mean(str(axes), known)} (known: {', '.join(known)})")

@@ -7,14 +7,12 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from rso_lidar.errors import warn
-from rso_lidar.orbit import LOST_M, LOST_M_S, PRECISE_M, PRECISE_M_S
+from rso_lidar.errors import ScenarioError, warn
+from rso_lidar.orbit import check_covariances, describe_unlikely_units
 from rso_lidar.part import Flag, NotNegative, Number, Part, Positive, Text, Vector, Whole
 from rso_lidar.rpo import AnyNavigation, Thrusters
 
 Row = tuple[Number, Number, Number, Number, Number, Number]
-_ROUNDING = 1e-9  # relative, to which a covariance may be asymmetric or negative
-_JOINT = 1e-6  # likewise, of that of both bodies, whose terms may come from files of few digits
 MOST_ATTITUDE_DEG = 30.0
 
 
@@ -92,7 +90,7 @@ class CovarianceErrors(Part):
         stated = [key for key in ("object", "propagate", "earth_orientation_file") if getattr(self, key)]
         if stated:
             raise ValueError(f"{stated[0]}: goes with file, not with matrix; leave it out")
-        check_covariance(np.array(self.matrix), "matrix")
+        check_covariances(np.array(self.matrix), "matrix")
         return self
 
 
@@ -134,52 +132,33 @@ class StateErrors(Part):
         if self.start is not None and (stated or self.covariance is not None):
             raise ValueError(f"start: stands in place of {(stated or ['covariance'])[0]}; leave that out")
         if self.covariance is None:
-            self._warn_of_units("position_sigma_m", "velocity_sigma_m_s")
+            for key, part in (("position_sigma_m", slice(0, 3)), ("velocity_sigma_m_s", slice(3, 6))):
+                alone = np.zeros((6, 6))
+                alone[part, part] = self.start_covariance[part, part]
+                _warn_of_units(key, describe_unlikely_units(alone, "m", "smaller"))
             return self
         if any(self.position_sigma_m) or any(self.velocity_sigma_m_s):
             raise ValueError("covariance: stands in place of position_sigma_m and velocity_sigma_m_s; leave these out")
-        check_covariance(np.array(self.covariance), "covariance")
-        self._warn_of_units("covariance", "covariance")
+        check_covariances(np.array(self.covariance), "covariance")
+        is_known = not np.any(np.diag(self.start_covariance)[3:])  # the velocity, so that there are no precise orbits
+        _warn_of_units(
+            "covariance", describe_unlikely_units(self.start_covariance, "m", "smaller" if is_known else "both")
+        )
         return self
-
-    def _warn_of_units(self, position: str, velocity: str) -> None:
-        """Warn of standard deviations that no mission has, which look like another unit."""
-        sigma = np.sqrt(np.diag(self.start_covariance))
-        place_m, speed_m_s = float(sigma[:3].max()), float(sigma[3:].max())
-        if speed_m_s > LOST_M_S:
-            warn(
-                f"{velocity}: a sigma of {speed_m_s:g} m/s is more than the {LOST_M_S:g} m/s of a lost object; as "
-                f"mm/s it would be {speed_m_s / 1000.0:g} m/s; give m/s"
-            )
-        if place_m > LOST_M:
-            warn(
-                f"{position}: a sigma of {place_m:g} m is more than the {LOST_M:g} m of a lost object; as mm "
-                f"it would be {place_m / 1000.0:g} m; give m"
-            )
-        if self.covariance is not None and 0.0 < place_m < PRECISE_M and 0.0 < speed_m_s < PRECISE_M_S:
-            warn(
-                f"covariance: sigmas of {place_m:g} m and {speed_m_s:g} m/s are less than those of precise "
-                f"orbits; as km², km²/s and km²/s² they would be {1000.0 * place_m:g} m and {1000.0 * speed_m_s:g} m/s: "
-                "multiply by 1e6"
-            )
 
     @property
     def start_covariance(self) -> np.ndarray:
         """Covariance (6, 6) of the state at the start [m2, m2/s, m2/s2]."""
         if self.covariance is not None:
-            return np.array(self.covariance)
+            given = np.array(self.covariance)
+            return 0.5 * (given + given.T)  # its digits may differ by their rounding
         covariance: np.ndarray = np.diag(np.square((*self.position_sigma_m, *self.velocity_sigma_m_s)))
         return covariance
 
 
-def check_covariance(matrix: np.ndarray, key: str) -> None:
-    """Check that a matrix (n, n) is a covariance to the rounding of its digits, or raise `ValueError`."""
-    scale = np.sqrt(np.abs(np.diag(matrix)))
-    unit = matrix / np.where(np.outer(scale, scale) > 0.0, np.outer(scale, scale), 1.0)
-    if np.abs(unit - unit.T).max() > _ROUNDING:
-        raise ValueError(f"{key}: is not symmetric; give the same number on both sides of the diagonal")
-    if np.linalg.eigvalsh(unit).min() < -_ROUNDING * len(matrix) or np.abs(matrix[scale == 0.0]).max(initial=0.0) > 0.0:
-        raise ValueError(f"{key}: is not positive semidefinite, so it is no covariance; correct it")
+def _warn_of_units(key: str, slip: str) -> None:
+    if slip:
+        warn(f"{key}: {slip}")
 
 
 class TargetErrors(StateErrors):
@@ -279,12 +258,11 @@ class Dispersion(StateErrors):
         if self.start is None and self.target.start is None:  # else it is checked when the files have been read
             cross = np.array(self.cross_covariance)
             own, other = self.start_covariance, self.target.start_covariance
-            scale = np.sqrt(np.concatenate([np.diag(own), np.diag(other)]))
-            joint = np.block([[own, cross], [cross.T, other]])
-            unit = joint / np.where(np.outer(scale, scale) > 0.0, np.outer(scale, scale), 1.0)
-            if np.linalg.eigvalsh(unit).min() < -_JOINT or np.abs(joint[scale == 0.0]).max(initial=0.0) > 0.0:
+            try:
+                check_covariances(np.block([[own, cross], [cross.T, other]]), "cross_covariance")
+            except ScenarioError:
                 raise ValueError(
                     "cross_covariance: is more than the errors of follower and target allow, so that both together have no "
                     "distribution; correct its terms"
-                )
+                ) from None
         return self

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.orbit import Epochs, Forces, integrate_orbit, propagate_two_body
+from rso_lidar.orbit import CovarianceHistory, Epochs, Forces, integrate_orbit, propagate_two_body
 from rso_lidar.records import BodyState
 
 # Steps of central differences [m], [m/s]. Curvature of a low orbit changes a derivative by (step / radius)^2, 1e-11.
@@ -63,6 +63,32 @@ class EstimatedOrbit:
             onward @ self.covariance @ onward.T,
             self.forces,
         )
+
+    def covariances(self, epochs: Epochs | None = None, label: str = "follower") -> CovarianceHistory:
+        """Return the covariance as a history, for `rl.orbit.write_oem` and searches of encounters.
+
+        Away from the epoch of the estimate it is propagated by two-body motion, without process noise.
+
+        Parameters
+        ----------
+        epochs : increasing instants (None: the epoch of the estimate)
+        label : name of the body
+
+        Returns
+        -------
+        CovarianceHistory
+            about this orbit
+
+        Raises
+        ------
+        ScenarioError
+            if the epochs do not increase, or the covariance is not positive semidefinite
+        """
+        at = Epochs(self.start_utc, np.array([self.epoch_s]))
+        known = CovarianceHistory(label, "fit", self, at, self.covariance[None])
+        if epochs is None:
+            return known
+        return CovarianceHistory(label, "fit", self, epochs, known.at(epochs, beyond="two_body"))
 
 
 def propagate_state(

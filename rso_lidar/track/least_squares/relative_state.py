@@ -10,7 +10,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit import Epochs, rtn_matrix
 from rso_lidar.records import BodyState
-from rso_lidar.track.least_squares.estimated_orbit import EstimatedOrbit
+from rso_lidar.track.least_squares.estimated_orbit import STEPS, EstimatedOrbit
 from rso_lidar.track.least_squares.fit_statistics import FitStatistics, chi_square_bounds, normalize_error
 from rso_lidar.track.least_squares.gated_solution import MEASUREMENT_GATE, check_epoch, solve_gated
 from rso_lidar.track.least_squares.own_state import describe_forces, format_fit_row
@@ -54,6 +54,7 @@ class RelativeOrbitFit:
         outliers, and chi-square
     own : orbit of the follower
     motion : model of the relative motion
+    own_cross : (6, 6) covariance of the relative state (rows) with the follower's state in GCRS axes (columns)
     """
 
     epoch_s: float
@@ -67,12 +68,44 @@ class RelativeOrbitFit:
     statistics: FitStatistics
     own: EstimatedOrbit
     motion: RelativeModel
+    own_cross: np.ndarray
 
     @property
     def sigma(self) -> np.ndarray:
         """Standard deviations (6) of position [m] and velocity [m/s]."""
         deviations: np.ndarray = np.sqrt(np.diag(self.covariance))
         return deviations
+
+    def find_target_orbit(self) -> EstimatedOrbit:
+        """Return the orbit of the target, which follows from the relative state and the follower's orbit.
+
+        Its covariance is that of both, with their correlation: an error of the follower's position is one of the target's.
+
+        Returns
+        -------
+        EstimatedOrbit
+            at the epoch of the fit, under the forces of `own`
+        """
+        prediction = RelativePrediction(self.own, np.array([self.epoch_s]), self.motion)
+        relative = np.concatenate([self.position_m, self.velocity_m_s])
+        values = np.concatenate([relative, self.own.vector])
+
+        def find(values: np.ndarray) -> np.ndarray:
+            orbit = prediction.find_target(values[:6], values[6:])
+            return np.concatenate([orbit.position_m, orbit.velocity_m_s])
+
+        shifts = np.diag(np.tile(STEPS, 2))
+        slopes = np.stack([(find(values + shift) - find(values - shift)) / (2.0 * shift.max()) for shift in shifts], -1)
+        joint = np.block([[self.covariance, self.own_cross], [self.own_cross.T, self.own.covariance]])
+        target = find(values)
+        return EstimatedOrbit(
+            self.own.start_utc,
+            self.epoch_s,
+            target[:3],
+            target[3:],
+            slopes @ joint @ slopes.T,
+            self.own.forces,
+        )
 
     def normalize_error(self, position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
         """Return the normalised estimation error squared (NEES), chi-square with six degrees of freedom if consistent.
@@ -254,6 +287,7 @@ def fit_relative_state(
         FitStatistics.from_solution(time_s, solution),
         own,
         motion,
+        considered[_STATE] @ own.covariance,
     )
 
 

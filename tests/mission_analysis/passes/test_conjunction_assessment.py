@@ -33,14 +33,17 @@ def test_the_shipped_conjunction():
 
 def test_a_covariance_in_square_kilometres_is_asked_about():
     small = re.sub(
-        r"^(C[RTN]_[RTN] = )(\S+)", lambda found: f"{found[1]}{float(found[2]) * 1e-8:g}", TEXT, flags=re.MULTILINE
+        r"^(C[RTN](?:DOT)?_[RTN](?:DOT)? = )(\S+)",
+        lambda found: f"{found[1]}{float(found[2]) * 1e-8:g}",
+        TEXT,
+        flags=re.MULTILINE,
     )
     sigma_m = np.sqrt(np.diag(assess(TEXT).first.covariance)[:3].max())
-    notes = [note for note in assess(small).notes if "as km²" in note]
+    notes = [note for note in assess(small).notes if "read in km instead of m" in note]
+    assert len(notes) == 2
     assert (
-        len(notes) == 2
-        and f"known to {sigma_m * 1e-4:.3g} m" in notes[0]
-        and f"that of {sigma_m / 10.0:.3g} m" in notes[0]
+        f"a sigma of {sigma_m * 1e-4:.4g} m and" in notes[0]
+        and f"would be a sigma of {sigma_m / 10.0:.4g} m" in notes[0]
     )
 
 

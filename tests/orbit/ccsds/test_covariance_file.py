@@ -5,8 +5,8 @@ import datetime
 import numpy as np
 import pytest
 
-from rso_lidar.errors import RsoLidarWarning, ScenarioError
-from rso_lidar.orbit import Epochs, State, convert_states, read_covariances, write_oem, write_opm
+from rso_lidar.errors import RecordingError, RsoLidarWarning, ScenarioError
+from rso_lidar.orbit import CovarianceHistory, Epochs, State, convert_states, read_covariances, write_oem, write_opm
 from rso_lidar.records import BodyState
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -140,7 +140,9 @@ def test_objects_of_a_conjunction_are_chosen_by_name():
 
 def test_a_covariance_in_square_metres_is_asked_about(oem):
     rows = "\n".join(" ".join(f"{GIVEN[i, j]:.15e}" for j in range(i + 1)) for i in range(6))
-    with pytest.warns(RsoLidarWarning, match="as m² they would be .* then divide the terms by 1e6"):
+    with pytest.warns(
+        RsoLidarWarning, match="read in m instead of km, it would be .* then divide terms of a covariance by 1e6"
+    ):
         read_covariances(oem("RTN", rows))
 
 
@@ -149,7 +151,7 @@ def test_a_covariance_in_square_metres_is_asked_about(oem):
     [
         ({"rows": "1.0"}, "line .*: the covariance of line .* has 1 numbers; give the 21"),
         ({"rows": TEXT.replace("e", "x", 1)}, "CX_X '.*' is not a number"),
-        ({"rows": TEXT.replace(TEXT.split()[0], "-1.0", 1)}, "not symmetric with variances of 0 or more"),
+        ({"rows": TEXT.replace(TEXT.split()[0], "-1.0", 1)}, "not positive semidefinite: a variance is below 0"),
         ({"frame": "MOON"}, "reference frame MOON is not supported"),
         ({"frame": "LVLH"}, "LVLH means two things"),
         ({"epoch": "2024-09-18T12:10:30"}, "covariance: .*does not cover"),
@@ -168,3 +170,74 @@ def test_an_ephemeris_without_covariance_says_so(tmp_path):
     path = write_oem(tmp_path / "craft.oem", "CRAFT", "2024-001A", epochs, LOW.states(epochs))
     with pytest.raises(ScenarioError, match="has no covariance of CRAFT; add COVARIANCE_START"):
         read_covariances(path)
+
+
+ROWS = Epochs(START, np.arange(0.0, 3000.0, 60.0))
+FOUR = Epochs(START, np.array([0.0, 610.5, 1200.0, 2940.0]))
+KNOWN = CovarianceHistory.from_axes("CRAFT", LOW, FOUR, np.arange(1.0, 5.0)[:, None, None] * GIVEN)
+
+
+def write(path, covariances=KNOWN, **options):
+    return write_oem(
+        path, "CRAFT", "2024-001A", ROWS, LOW.states(ROWS), covariances=covariances, overwrite=True, **options
+    )
+
+
+def at_instant(time_s):
+    return CovarianceHistory("CRAFT", "", LOW, Epochs(START, np.array([time_s])), GIVEN[None])
+
+
+@pytest.mark.filterwarnings("ignore:.*is in ITRF")
+@pytest.mark.parametrize("covariance_axes", [None, "rtn", "tnw", "ntw", "vnc", "lvlh_ccsds"])
+@pytest.mark.parametrize("axes", ["gcrs", "tod", "itrs"])
+def test_covariances_that_are_written_are_read_again(tmp_path, covariance_axes, axes):
+    path = write(tmp_path / "a.oem", axes=axes, covariance_axes=covariance_axes, breaks_s=[1200.0])
+    back = read_covariances(path)
+    assert path.read_text().count("COVARIANCE_START") == 2  # one block in each segment
+    assert ("COV_REF_FRAME = " in path.read_text()) == (covariance_axes is not None)
+    np.testing.assert_allclose(back.epochs.time_s, FOUR.time_s, atol=1e-9)
+    given, found = (history.at(FOUR, axes="rtn") for history in (KNOWN, back))
+    sigma = np.sqrt(np.diagonal(given, axis1=1, axis2=2))
+    off = np.abs(found - given) / (sigma[:, :, None] * sigma[:, None, :])
+    # At rows the states have 1e-6 m of 7e6 m; between them Hermite's polynomial is good to 10 um here, 2e-12, and rows in
+    # axes of date to 1 mm, 2e-10. Sigmas along and across the track differ by 50, velocities along it cancel to 1e-2.
+    assert off[[0, 2, 3]].max() < 1e-11 and off[1].max() < (1e-9 if axes == "gcrs" else 1e-6)
+
+
+def test_other_programs_read_the_covariances_that_are_written(tmp_path):
+    """Package `oem` 0.4.5 reads the file's terms to 6e-15; `beyond` 0.9 turns those in GCRF to TNW by its own matrices.
+
+    The standard deviations are those that `beyond` printed for the covariance at 12:00:00 of this file.
+    """
+    back = read_covariances(write(tmp_path / "a.oem"))
+    sigma = np.sqrt(np.diag(back.at(START, axes="tnw")[0]))
+    expected = [401.44437155521973, 31.476807690805728, 11.539582806706134]
+    expected += [0.024029214021585036, 0.19733466915546485, 0.01563332417803308]
+    np.testing.assert_allclose(sigma, expected, rtol=1e-9)
+    lines = write(tmp_path / "b.oem", covariance_axes="rtn").read_text().splitlines()
+    first = lines.index("COVARIANCE_START")
+    assert lines[first + 1 : first + 3] == ["EPOCH = 2024-09-17T12:00:00.000", "COV_REF_FRAME = RTN"]
+    stated = [float(word) * 1e6 for line in lines[first + 3 : first + 9] for word in line.split()]
+    np.testing.assert_allclose(stated, GIVEN[np.tril_indices(6)], rtol=1e-9, atol=1e-15 * np.diag(GIVEN).max())
+
+
+def test_covariances_of_other_orbits_and_instants_are_not_written(tmp_path):
+    late = CovarianceHistory("CRAFT", "", LOW, Epochs(START, np.array([60.0, 2950.0])), np.array([GIVEN] * 2))
+    other = State(epoch_utc=START, position_m=(0.0, 7e6, 0.0), velocity_m_s=(-7546.0, 0.0, 0.0))
+    far = CovarianceHistory("OTHER", "", other, Epochs(START, np.zeros(1)), GIVEN[None])
+    bare = GIVEN.copy()
+    bare[3:] = bare[:, 3:] = 0.0
+    place = CovarianceHistory("CRAFT", "", LOW, Epochs(START, np.zeros(1)), bare[None], has_velocity=False)
+    for covariances, problem in (
+        (late, "1 of 2 are at epochs outside the segments of the states, first 2024-09-17T12:49:10"),
+        (far, "are about an orbit that is .* km from the states"),
+        (place, "have no terms of velocity"),
+    ):
+        with pytest.raises(RecordingError, match=problem) as error:
+            write(tmp_path / "never.oem", covariances)
+        assert "\n" not in str(error.value)
+    with pytest.raises(RecordingError, match="outside the segments"):  # 1270 s is between the rows beside a break
+        write(tmp_path / "never.oem", breaks_s=[1140.0, 1290.0], covariances=at_instant(1270.0))
+    with pytest.raises(ScenarioError, match="'lvlh' means two things"):
+        write(tmp_path / "never.oem", covariance_axes="lvlh")
+    assert not list(tmp_path.iterdir())

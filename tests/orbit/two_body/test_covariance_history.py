@@ -79,7 +79,7 @@ def test_beyond_its_epochs_a_covariance_is_an_error_or_propagated():
 @pytest.mark.parametrize(
     ("matrix", "problem"),
     [
-        (-np.eye(6), "not symmetric with variances of 0 or more"),
+        (-np.eye(6), "not positive semidefinite: a variance is below 0"),
         (np.ones((6, 6)) + np.diag([0.0] * 5 + [-0.5]), "not positive semidefinite"),
         (np.full((6, 6), np.nan), "finite numbers"),
         (np.eye(3), "shape"),
@@ -88,6 +88,26 @@ def test_beyond_its_epochs_a_covariance_is_an_error_or_propagated():
 def test_what_is_no_covariance_is_refused(matrix, problem):
     with pytest.raises(ScenarioError, match=problem):
         CovarianceHistory("craft", "file", LOW, Epochs(START, np.zeros(1)), matrix[None])
+
+
+@pytest.mark.parametrize("rotating", [False, True])
+def test_covariances_along_the_orbit_are_given_back_along_it(rotating):
+    epochs = Epochs(START, np.array([0.0, 900.0]))
+    history = CovarianceHistory.from_axes("craft", LOW, epochs, np.array([RTN, 4.0 * RTN]), rotating=rotating)
+    np.testing.assert_allclose(history.at(epochs, axes="rtn", rotating=rotating)[1], 4.0 * RTN, rtol=1e-9, atol=1e-9)
+    if not rotating:  # else the sigma of an inertial velocity has omega x r, too
+        np.testing.assert_allclose(history.sigma[0], [10.0, 100.0, 8.0, 0.1, 0.01, 0.008], rtol=1e-9)
+    with pytest.raises(ScenarioError, match="craft: covariances need shape"):
+        CovarianceHistory.from_axes("craft", LOW, epochs, RTN[None])
+
+
+@pytest.mark.parametrize(("axes", "problem"), [("lvlh", "means two things"), ("gcrs", "'gcrs' are unknown")])
+def test_axes_that_are_no_axes_of_an_orbit_are_refused(axes, problem):
+    history = CovarianceHistory("craft", "file", LOW, Epochs(START, np.zeros(1)), RTN[None])
+    with pytest.raises(ScenarioError, match=problem):
+        history.at(START, axes=axes)
+    with pytest.raises(ScenarioError, match=problem):
+        CovarianceHistory.from_axes("craft", LOW, history.epochs, RTN[None], axes)
 
 
 @pytest.mark.parametrize("axes", ["rtn", "tnw", "ntw", "vnc", "lvlh_ccsds"])

@@ -17,10 +17,10 @@ METRES[0, 4] = METRES[4, 0] = -0.6 * 4.0 * 0.004
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
-        ({"velocity_sigma_m_s": (3, 20, 1)}, r"^velocity_sigma_m_s: .* 20 m/s .* 10 m/s of .* as mm/s .* 0\.02 m/s"),
-        ({"position_sigma_m": (0, 0, 3e5)}, r"^position_sigma_m: .* 300000 m .* as mm it would be 300 m; give m"),
-        ({"covariance": (METRES * 1e-6).tolist()}, r"^covariance: .* 0\.02 m and 1\.5e-05 m/s .* be 20 m and 0\.015 m/s"),
-        ({"covariance": (METRES * 1e6).tolist()}, r"^covariance: a sigma of 15 m/s"),
+        ({"velocity_sigma_m_s": (3, 20, 1)}, r"^velocity_sigma_m_s: a sigma of 20 m/s .* mm .* of 0\.02 m/s: .* by 1000"),
+        ({"position_sigma_m": (0, 0, 3e5)}, r"^position_sigma_m: a sigma of 3e\+05 m .* mm .* of 300 m: .* by 1000"),
+        ({"covariance": (METRES * 1e-6).tolist()}, r"^covariance: .* 0\.02 m and 1\.5e-05 m/s .* 20 m and 0\.015 m/s: "),
+        ({"covariance": (METRES * 1e6).tolist()}, r"^covariance: a sigma of .* 15 m/s"),
     ],
 )  # fmt: skip
 def test_units_that_no_mission_has_are_asked_about(part, fields, words):

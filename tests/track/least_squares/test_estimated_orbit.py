@@ -46,3 +46,15 @@ def test_an_error_along_the_velocity_grows_as_kepler_says():
     )
     grown = alone.move_epoch(PERIOD_S).covariance
     assert np.sqrt(grown[1, 1]) == pytest.approx(3.0 * PERIOD_S * 1e-2, rel=1e-6)
+
+
+def test_its_covariances_over_time_are_those_of_other_epochs():
+    orbit = make(epoch_s=0.0)
+    epochs = Epochs(UTC, np.array([-600.0, 0.0, 900.0]))
+    history = orbit.covariances(epochs, "craft")
+    assert history.label == "craft" and len(orbit.covariances().epochs) == 1
+    for k, time_s in enumerate(epochs.time_s):
+        expected = orbit.move_epoch(time_s).covariance
+        scale = np.sqrt(np.diag(expected))
+        # both transitions are central differences, good to 1e-8
+        assert np.allclose(history.matrices[k] / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-6)

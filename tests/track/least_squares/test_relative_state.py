@@ -116,3 +116,27 @@ def test_what_cannot_be_fitted_is_refused():
         fit_relative_state(np.zeros(len(TIME_S)), np.tile(line[0], (len(TIME_S), 1)), SPREAD, own())
     with pytest.raises(ScenarioError, match="tenth of the orbit's radius"):
         fit_relative_state(TIME_S, line * 2e4, SPREAD, own())
+
+
+def test_the_orbit_of_the_target_has_the_errors_of_both_with_their_correlation():
+    """Fits to the same lines from displaced followers say how the target's state follows the follower's."""
+    known = own(sigma=100.0)
+    fit = fit_relative_state(TIME_S, lines(), SPREAD, known)
+    target = fit.find_target_orbit()
+    assert np.allclose(target.position_m - known.position_m, lines()[0], rtol=0, atol=1e-5)
+    columns = []
+    for k, step in enumerate(np.repeat([20.0, 0.02], 3)):
+        place = np.zeros(6)
+        place[k] = step
+        ends = []
+        for vector in (known.vector + place, known.vector - place):
+            moved = EstimatedOrbit(UTC, 0.0, vector[:3], vector[3:], known.covariance, None)
+            ends.append(fit_relative_state(TIME_S, lines(), SPREAD, moved, epoch_s=0.0).find_target_orbit().vector)
+        columns.append((ends[0] - ends[1]) / (2.0 * step))
+    follows = np.stack(columns, axis=-1)
+    exact = fit_relative_state(TIME_S, lines(), SPREAD, own()).find_target_orbit().covariance  # the follower is known
+    expected = follows @ known.covariance @ follows.T + exact
+    scale = np.sqrt(np.diag(expected))
+    # derivatives are those of linear motion: 800 m of 6.9e6 m changes them by 1e-4
+    assert np.allclose(target.covariance / np.outer(scale, scale), expected / np.outer(scale, scale), rtol=0, atol=2e-4)
+    assert scale[0] == pytest.approx(100.0, rel=1e-3)  # an error of both that is the same
