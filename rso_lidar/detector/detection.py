@@ -250,7 +250,9 @@ def predict_closed_form(
     return build_detector(detector).predict_closed_form(pulse, photons, depth_s, only_probability)
 
 
-def report_probability(detector: AnyDetector, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
+def report_probability(
+    detector: AnyDetector, photons: Photons, mine: np.ndarray, flashes: int = 1
+) -> np.ndarray | None:
     """Return the probability (pixel) that a pixel reports one of some returns of a flash; None without a closed form.
 
     Parameters
@@ -258,8 +260,10 @@ def report_probability(detector: AnyDetector, photons: Photons, mine: np.ndarray
     detector : the detector
     photons : light on every pixel
     mine : (return) whether a report of this return counts
+    flashes : number of flashes whose pixels `photons` lists one flash after another; the same pixels see each of them
     """
-    return build_detector(detector).report_probability(photons, mine)
+    built = build_detector(detector)
+    return built.report_probability(photons, mine) if flashes == 1 else built.report_flashes(photons, mine, flashes)
 
 
 def noise_growth(detector: AnyDetector, background_photons_per_s: float) -> float:

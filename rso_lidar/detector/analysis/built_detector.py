@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -101,6 +102,18 @@ class BuiltDetector(Protocol):
         """Return the probability (pixel) that a pixel reports one of some returns; None without a closed form."""
         return None
 
+    def report_flashes(self, photons: Photons, mine: np.ndarray, flashes: int) -> np.ndarray | None:
+        """Return the probability (pixel) of a report in each of several flashes on the same pixels.
+
+        Parameters
+        ----------
+        photons : light on the pixels of one flash after another
+        """
+        n = photons.shape[0] * photons.shape[1] // flashes
+        listed = [self.report_probability(*_cut_flash(photons, mine, k * n, (k + 1) * n)) for k in range(flashes)]
+        known = [probability for probability in listed if probability is not None]
+        return np.concatenate(known) if len(known) == flashes else None
+
     def noise_growth(self, background_photons_per_s: float) -> float:
         """Return the rms noise under sunlight [photons/s] over that in the dark."""
         return 1.0
@@ -121,6 +134,30 @@ class BuiltDetector(Protocol):
     def frame_jitter_s(self) -> float:
         """Return the jitter that all pixels of a frame share [s, 1 sigma]."""
         return 0.0
+
+
+def _cut_flash(photons: Photons, mine: np.ndarray, begin: int, end: int) -> tuple[Photons, np.ndarray]:
+    """Return the light of the pixels from `begin` up to `end`, and which of its returns count."""
+    own = (photons.pixel >= begin) & (photons.pixel < end)
+    first, last = np.searchsorted(photons.cluster_pixel, [begin, end])
+    maps = {
+        name: None if (values := getattr(photons, name)) is None else values.ravel()[None, begin:end]
+        for name in ("filled_fraction", "background_photons_per_s", "photons_variance")
+    }
+    cut = replace(
+        photons,
+        shape=(1, end - begin),
+        pixel=photons.pixel[own] - begin,
+        cluster=photons.cluster[own] - first,
+        cluster_pixel=photons.cluster_pixel[first:last] - begin,
+        epoch=None if photons.epoch is None else photons.epoch[own],
+        **{
+            name: getattr(photons, name)[own]
+            for name in ("delay_s", "photons", "depth_spread_s", "coherence_cells", "hit")
+        },
+        **maps,
+    )
+    return cut, mine[own]
 
 
 def describe_gate(length_m: float) -> str:

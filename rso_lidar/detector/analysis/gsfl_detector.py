@@ -254,9 +254,13 @@ class BuiltGsfl(BuiltDetector):
 
     def report_probability(self, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
         """Return the probability (pixel) of a report of some returns; None where the closed form neglects a setting."""
+        return self.report_flashes(photons, mine, 1)
+
+    def report_flashes(self, photons: Photons, mine: np.ndarray, flashes: int) -> np.ndarray | None:
+        """Return the probability (pixel) of a report in each of several flashes on the same pixels."""
         algorithm = self.part.ranging.algorithm
         neglected = [name for name in self.list_neglected_effects() if not name.startswith(algorithm)]
-        return None if neglected else report_probability_gsfl(self.part, photons, mine)
+        return None if neglected else report_probability_gsfl(self.part, photons, mine, flashes)
 
     def noise_growth(self, background_photons_per_s: float) -> float:
         """Return the rms noise under sunlight [photons/s] over that in the dark."""

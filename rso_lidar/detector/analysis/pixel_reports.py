@@ -15,7 +15,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.analysis.closed_form import predict_gsfl
-from rso_lidar.detector.chain.camera import FlashCamera, camera_of
+from rso_lidar.detector.chain.camera import FlashCamera, build_camera
 from rso_lidar.detector.ranging.pulse import LaserPulse, Pulse
 from rso_lidar.detector.settings.apd import noise_rms
 from rso_lidar.detector.settings.focal_plane import Timing
@@ -37,18 +37,22 @@ _GROWTH_STEP = 0.113_328_685_307_003_3  # log 1.12 of noise in sunlight over tha
 _NO_GROWTH = 0.019_802_627_296_179_73  # log 1.02: less sunlight counts as none
 
 
-def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
+def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray, flashes: int = 1) -> np.ndarray | None:
     """Return the probability (pixel) that a pixel of the full chain reports one of some returns.
 
     Parameters
     ----------
     mine : (return) whether a report of this return counts
+    flashes : number of flashes whose pixels `photons` lists one flash after another; the same pixels see each of them
 
     Returns
     -------
     (pixel) probability, or None where the closed form does not hold for the amplifier or for several returns in a gate.
     """
-    camera, pixel = camera_of(gsfl, photons), photons.cluster_pixel
+    n_pixels, pixel = photons.shape[0] * photons.shape[1] // flashes, photons.cluster_pixel
+    camera = build_camera(gsfl, LaserPulse.of(photons), n_pixels)
+    if flashes > 1:
+        camera = camera.select(np.tile(np.arange(n_pixels), flashes))
     sunlight = np.zeros(len(pixel))
     if photons.background_photons_per_s is not None:
         sunlight = photons.background_photons_per_s.ravel()[pixel]

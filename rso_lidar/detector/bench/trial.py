@@ -75,6 +75,7 @@ def make_plate(
     pulse: tuple[float, np.ndarray],
     pulse_fwhm_s: float,
     range_m: float | np.ndarray = 3000.0,
+    flashes: int = 1,
 ) -> Photons:
     """Make the light of a plate facing the lidar that fills each of `n` pixels: one return each, without depth.
 
@@ -88,12 +89,13 @@ def make_plate(
     pulse : the laser's step [s] and power (tap) [1/s]
     pulse_fwhm_s : length of the pulse [s]
     range_m : scalar or (n), least range [m]
+    flashes : number of flashes whose pixels are listed one flash after another, with the same spread of ranges in each
 
     Returns
     -------
     light on one row of `n` pixels.
     """
-    golden = np.modf(np.arange(n) * 0.618_033_988_749_894_9)[0]
+    golden = np.modf(np.arange(n) % (n // flashes) * 0.618_033_988_749_894_9)[0]
     photons = np.broadcast_to(np.asarray(photons, dtype=float), (n,))
     return make_point_returns((1, n), pulse, pulse_fwhm_s, np.arange(n), range_m + golden, photons)
 

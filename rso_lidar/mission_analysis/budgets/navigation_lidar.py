@@ -8,6 +8,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.mission_analysis.budgets.inputs import choose_target
 from rso_lidar.mission_analysis.budgets.range_budget import budget
 from rso_lidar.rpo import NavigationLidar, RangeNoise
 from rso_lidar.scenario import Scenario, require_scenario
@@ -56,8 +57,8 @@ def find_navigation_lidar(
     lens = scenario.instrument.at(at_s).replace(schedule=None)
     fixed = scenario.replace(lidar=lens)
     grid = np.geomspace(low, high, _RANGES)
-    area_m2 = budget(fixed, range_m=grid).target_area_m2
-    link_budget = budget(fixed, range_m=grid, facet_m2=area_m2)
+    area_m2 = choose_target(None, fixed).area_m2
+    link_budget = budget(fixed, range_m=grid, facet_m2=area_m2, target_m=math.sqrt(area_m2))
     curve = link_budget.curves[0]
     detected = curve.detection_probability >= probability
     if not detected[0]:

@@ -27,6 +27,7 @@ SIDE_M, REFLECTANCE, FLASH_RATE_HZ = 1.0, 0.30, 1.0  # assumed where nothing is 
 _LEAST_SHARE = 0.01  # of the threshold's photons: below it the light adds nothing to false triggers, which do not count
 _GATED_NEAR_M = 1.0  # assumed: a gate opens after the pulse has left, 7 ns for 1 m
 _AT_ONCE = 20_000  # instants in one call of a detector
+_FLASHES = 64  # in one call, each on all pixels of the mean
 _PIXELS = 256  # of the camera, over which the probability is averaged: thresholds differ from pixel to pixel
 _PROBES = 4  # of them that tell whether the probability depends on the pixel
 _ALIKE = 1e-4  # difference of their probabilities below which it does not
@@ -186,9 +187,12 @@ class PlateLight:
         if probes is not None:
             probes = probes.reshape(-1, _PROBES)
             mean: np.ndarray = probes.mean(axis=1)
-            for k in np.flatnonzero(np.ptp(probes, axis=1) > _ALIKE):
-                pixels = self._list_pixels(*(np.full(_PIXELS, of[k]) for of in inputs))
-                mean[k] = mean[k] if pixels is None else pixels.mean()
+            unlike = np.flatnonzero(np.ptp(probes, axis=1) > _ALIKE)
+            for begin in range(0, len(unlike), _FLASHES):
+                some = unlike[begin : begin + _FLASHES]
+                pixels = self._list_pixels(*(np.repeat(of[some], _PIXELS) for of in inputs), flashes=len(some))
+                if pixels is not None:
+                    mean[some] = pixels.reshape(-1, _PIXELS).mean(axis=1)
             return mean
         # a gate is placed about the plate at any range; sunlight is not counted here
         reported = predict(detector, self.lidar.pulse, photons, spread_s, only_probability=True).probability
@@ -196,20 +200,30 @@ class PlateLight:
         return quiet
 
     def _list_pixels(
-        self, photons: np.ndarray, range_m: np.ndarray, spread_s: np.ndarray, sunlight_per_s: np.ndarray
+        self,
+        photons: np.ndarray,
+        range_m: np.ndarray,
+        spread_s: np.ndarray,
+        sunlight_per_s: np.ndarray,
+        flashes: int = 1,
     ) -> np.ndarray | None:
         """Return the probability (pixel) that each of the first pixels of a camera reports a plate of its own.
 
-        Without a closed form of the detector there is none. All parameters are (pixel).
+        Without a closed form of the detector there is none. Arrays are (pixel).
+
+        Parameters
+        ----------
+        flashes : number of flashes whose pixels are listed one flash after another
         """
         laser = self.lidar.laser
-        light = make_plate(photons, len(photons), laser.pulse, laser.pulse_fwhm_s, np.maximum(range_m - 0.5, 0.0))
+        nearest_m = np.maximum(range_m - 0.5, 0.0)
+        light = make_plate(photons, len(photons), laser.pulse, laser.pulse_fwhm_s, nearest_m, flashes)
         light = replace(
             light,
             depth_spread_s=spread_s,
             background_photons_per_s=sunlight_per_s[None] if self.has_sunlight else None,
         )
-        return report_probability(self.lidar.detector, light, np.ones(len(photons), dtype=bool))
+        return report_probability(self.lidar.detector, light, np.ones(len(photons), dtype=bool), flashes)
 
     def find_over_stay(self, time_s: np.ndarray, probability: np.ndarray) -> float:
         """Return the probability that the plate is found at all, the mean over the phase of the flashes.

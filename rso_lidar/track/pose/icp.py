@@ -81,17 +81,20 @@ def align(
     ScenarioError
         If there are fewer than six points
     """
+    from scipy.spatial.transform import Rotation
+
     points = np.asarray(points_m, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < _FEWEST:
         raise ScenarioError(f"icp: a pose needs at least {_FEWEST} points (n, 3), not {points.shape}")
     sigmas = hinge_sigmas_rad or {}
     sigma_rad = np.array([sigmas.get(hinge.name, UNKNOWN_ANGLE_RAD) for hinge in model.hinges])
     believed = np.array(model.hinge_angles_rad)
-    body_from_lidar, angles = guess.inv(), believed.copy()
+    body_from_lidar, angles = guess.inv().as_matrix(), believed.copy()
+    matrix, shift_m = body_from_lidar[:3, :3], body_from_lidar[:3, 3]  # a product of transforms takes longer than a step
     taken, off, rows = 0, np.zeros(1), np.zeros((1, _FEWEST + len(believed)))
     while taken < steps:
         taken += 1
-        seen = body_from_lidar.apply(points)
+        seen = np.einsum("ij,nj->ni", matrix, points) + shift_m
         apart, nearest = model.find_nearest(seen, angles)
         kept = apart <= max(_FARTHEST * float(np.median(apart)), _ROUNDING * model.radius_m)
         at = seen[kept]
@@ -109,14 +112,15 @@ def align(
             right[_FEWEST:] += weight * (believed - angles) * model.radius_m
         small = np.linalg.solve(square, right)
         turn, shift = small[:3] / model.radius_m, small[3:_FEWEST]
-        rotation = make_rotation(turn)
-        body_from_lidar = pose(middle + shift - rotation.apply(middle), rotation) * body_from_lidar
+        rotation = make_rotation(turn).as_matrix()
+        matrix, shift_m = rotation @ matrix, rotation @ (shift_m - middle) + middle + shift
         swing = np.clip(small[_FEWEST:] / model.radius_m, -_MOST_HINGE_STEP_RAD, _MOST_HINGE_STEP_RAD)
         angles = angles + swing
         turned_rad = np.concatenate([turn, swing])
         if np.abs(turned_rad).max() < _STILL and np.abs(shift).max() < _STILL * model.radius_m:
             break
-    alignment = Alignment(body_from_lidar.inv(), float(np.sqrt(np.mean(off**2))), taken)
+    lidar_from_body = pose(shift_m, Rotation.from_matrix(matrix)).inv()
+    alignment = Alignment(lidar_from_body, float(np.sqrt(np.mean(off**2))), taken)
     if not model.hinges:
         return alignment
     spread_rad = _estimate_hinge_sigmas_rad(rows, off, sigma_rad, model.radius_m)

@@ -1,10 +1,12 @@
 """The probability that a pixel reports one of its returns, against trials of the chain with the same light."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.detector import detect, make_point_returns, report_probability
+from rso_lidar.detector import detect, make_plate, make_point_returns, report_probability
 
 PULSE = rl.Laser().pulse
 FWHM_S = 8e-9
@@ -89,3 +91,29 @@ def test_a_geiger_array_reports_light_of_which_everything_is_known():
     )
     told = report_probability(rl.GeigerArray(gate_from_m=850.0, gate_to_m=950.0), lit, mine[of])
     assert (told[:2] > 0.9).all() and not told[2:].any()
+
+
+@pytest.mark.parametrize(
+    "detector",
+    [
+        rl.Gsfl(),
+        rl.Gsfl(trigger={"threshold_electrons": 5.5 * rl.Gsfl().noise_electrons, "threshold_spread_fraction": 0.1}),
+        rl.Empirical(),
+        rl.GeigerArray(gate_from_m=850.0, gate_to_m=950.0),
+    ],
+    ids=["gsfl", "noisy", "empirical", "geiger"],
+)
+def test_flashes_listed_one_after_another_are_those_alone(detector):
+    """The same pixels see each of them, under light and sunlight of its own."""
+    n, levels = 50, (0.5, 1.0, 1.5)
+    sunlight = np.linspace(0.0, 2e9, n)
+
+    def flash(shares):
+        photons = np.repeat(shares, n) * detector.traits.threshold_photons
+        plate = make_plate(photons, len(photons), PULSE, FWHM_S, 900.0, len(shares))
+        return replace(plate, background_photons_per_s=np.outer(shares, sunlight).reshape(1, -1))
+
+    alone = [report_probability(detector, flash([share]), np.ones(n, bool)) for share in levels]
+    listed = report_probability(detector, flash(levels), np.ones(3 * n, bool), flashes=3)
+    # rates of false alarms are interpolated between the least and the greatest sunlight of a call, within 1e-4 of a rate
+    np.testing.assert_allclose(listed, np.concatenate(alone), rtol=0, atol=1e-5)

@@ -37,6 +37,6 @@ def test_what_is_no_interval_is_refused(range_m):
         rl.study.find_navigation_lidar(SCENARIO, range_m)
 
 
-def test_what_is_not_detected_is_refused():
+def test_what_is_not_detected_is_refused(text):
     with pytest.raises(ScenarioError, match="begin nearer, or take more energy"):
-        rl.study.find_navigation_lidar(SCENARIO, (10_000.0, 20_000.0))
+        rl.study.find_navigation_lidar(rl.Scenario.loads(text), (10_000.0, 20_000.0))
