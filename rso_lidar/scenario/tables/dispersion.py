@@ -151,7 +151,8 @@ class StateErrors(Part):
         """Covariance (6, 6) of the state at the start [m2, m2/s, m2/s2]."""
         if self.covariance is not None:
             given = np.array(self.covariance)
-            return 0.5 * (given + given.T)  # its digits may differ by their rounding
+            symmetric: np.ndarray = 0.5 * (given + given.T)  # its digits may differ by their rounding
+            return symmetric
         covariance: np.ndarray = np.diag(np.square((*self.position_sigma_m, *self.velocity_sigma_m_s)))
         return covariance
 
