@@ -40,6 +40,9 @@ hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "desk")
 @pytest.hookimpl(trylast=True)  # after the terminal's
 def pytest_configure(config):
     limits.watch(config)
+    config.pluginmanager.register(
+        DoctestSearch(), "search of doctests"
+    )  # for the package too, which is no folder of tests
 
 
 def pytest_collection_modifyitems(items):
@@ -53,10 +56,17 @@ def pytest_collection_finish():
     gc.freeze()
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_collect_file(file_path):
-    """Search tests for no doctests, which only the package has: each test process would search 500 modules."""
-    return [found for found in (yield) if not isinstance(found, DoctestModule)]
+class DoctestSearch:
+    """Searches modules of the package with a prompt for doctests: each test process would search 1,500 modules."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collect_file(self, file_path):
+        collectors = yield
+        if not any(isinstance(collector, DoctestModule) for collector in collectors):
+            return collectors
+        if Path(__file__).parent not in file_path.parents and b">>> " in file_path.read_bytes():
+            return collectors
+        return [collector for collector in collectors if not isinstance(collector, DoctestModule)]
 
 
 class SharedPath(type(Path())):

@@ -36,5 +36,11 @@ def _without_garbage_collection() -> Iterator[None]:
 
 
 @cache
+def walk(tree: ast.AST) -> tuple[ast.AST, ...]:
+    """Return all nodes of a module's tree. Many rules read the same one, and finding its nodes takes longest."""
+    return tuple(ast.walk(tree))
+
+
+@cache
 def _tree(file: Path) -> ast.Module:
     return ast.parse(file.read_text(encoding="utf-8"))

@@ -7,7 +7,7 @@ from pathlib import PurePosixPath
 
 import pytest
 
-from tests.house.sources import parse
+from tests.house.sources import parse, walk
 
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 CHECKS = {"raises", "warns", "fail", "check_call", "check_returncode"}  # of pytest and of a process
@@ -31,15 +31,16 @@ def asserts(function):
 @cache
 def functions_of(tree):
     """Return the functions and methods of a module by name."""
-    return {node.name: node for node in ast.walk(tree) if isinstance(node, FUNCTIONS)}
+    return {node.name: node for node in walk(tree) if isinstance(node, FUNCTIONS)}
 
 
 @cache
 def names_in(function):
     """Return the names that a function uses; its arguments are fixtures."""
     arguments = function.args.posonlyargs + function.args.args + function.args.kwonlyargs
-    used = {node.id for node in ast.walk(function) if isinstance(node, ast.Name)}
-    used |= {node.attr for node in ast.walk(function) if isinstance(node, ast.Attribute)}
+    nodes = tuple(ast.walk(function))
+    used = {node.id for node in nodes if isinstance(node, ast.Name)}
+    used |= {node.attr for node in nodes if isinstance(node, ast.Attribute)}
     return used | {argument.arg for argument in arguments}
 
 
@@ -50,7 +51,7 @@ def known_in(name, trees):
         "tests/ledger/recording.py",
         *(f"{folder}/conftest.py" for folder in folders),
     ]  # its fixture is everywhere
-    for node in ast.walk(trees[name]):
+    for node in walk(trees[name]):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("tests"):
             modules = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
             sources += [f"{module.replace('.', '/')}.py" for module in modules]
@@ -83,8 +84,8 @@ def test_tests_hold_no_doctest():
 
 def has_doctest(tree):
     """Return whether a docstring of a module has an example with a prompt."""
-    documented = [node for node in ast.walk(tree) if isinstance(node, (ast.Module, ast.ClassDef, *FUNCTIONS))]
-    return any(re.search(r"^\s*>>> ", ast.get_docstring(node) or "", re.MULTILINE) for node in documented)
+    documented = [node for node in walk(tree) if isinstance(node, (ast.Module, ast.ClassDef, *FUNCTIONS))]
+    return any(re.search(r"^\s*>>> ", ast.get_docstring(node, clean=False) or "", re.MULTILINE) for node in documented)
 
 
 def test_a_doctest_is_seen():

@@ -3,7 +3,7 @@
 import ast
 from pathlib import Path
 
-from tests.house.sources import parse
+from tests.house.sources import parse, walk
 
 
 def dotted(name):
@@ -17,7 +17,7 @@ def graph_of(trees):
     graph = {}
     for module, tree in trees.items():
         named = set()
-        for node in ast.walk(tree):
+        for node in walk(tree):
             if isinstance(node, ast.Import):
                 named |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):

@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from tests.house.sources import parse
+from tests.house.sources import parse, walk
 
 USERS = ("rso_lidar", "models", "examples", "docs", "benchmarks")
 
@@ -27,14 +27,15 @@ def definitions(tree):
 
 def loads(node):
     """Count the names that a piece of code reads."""
-    return Counter(inner.id for inner in ast.walk(node) if isinstance(inner, ast.Name))
+    nodes = walk(node) if isinstance(node, ast.Module) else ast.walk(node)
+    return Counter(inner.id for inner in nodes if isinstance(inner, ast.Name))
 
 
 def mentions(trees):
     """Return the names that are imported from modules, read as attributes, or written in strings that are code."""
     found = set()
     for tree in trees:
-        for node in ast.walk(tree):
+        for node in walk(tree):
             match node:
                 case ast.ImportFrom(names=names):
                     found |= {alias.name for alias in names}

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rso_lidar.cli.app import COMMANDS
-from tests.house.sources import parse
+from tests.house.sources import parse, walk
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "rso_lidar"
@@ -66,6 +66,11 @@ def dotted_name(file):
     return ".".join(words[:-1] if words[-1] == "__init__" else words)
 
 
+def is_main(node):
+    """Return whether a statement is what a module does that is run by ``python -m``."""
+    return isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'"
+
+
 def find_homeless(trees):
     """Return the modules that no module of their own room imports, its door included; sources by dotted name.
 
@@ -73,7 +78,7 @@ def find_homeless(trees):
     """
     users = {name: set() for name in trees}
     for name, tree in trees.items():
-        for node in ast.walk(tree):
+        for node in walk(tree):
             if isinstance(node, ast.ImportFrom) and node.module:
                 full = {f"{node.module}.{alias.name}" for alias in node.names}
                 for module in (full & set(trees)) or {node.module} & set(trees):
@@ -82,7 +87,7 @@ def find_homeless(trees):
                 room = ".".join(name.split(".")[:2])
                 users.get(f"{room}.{node.value.split(':')[0]}", set()).add(name)
     inside = [name for name in trees if name.count(".") >= 2 and not any(it.startswith(f"{name}.") for it in trees)]
-    run = {name for name, tree in trees.items() if "__name__ == '__main__'" in ast.unparse(tree)}
+    run = {name for name, tree in trees.items() if any(is_main(node) for node in tree.body)}
     alone = [name for name in inside if not any(it.split(".")[1] == name.split(".")[1] for it in users[name])]
     return [name for name in alone if name not in run]
 
@@ -111,7 +116,7 @@ def inner_imports(room):
     modules = {Path(name).stem: tree for name, tree in parse(f"rso_lidar/{room}").items()}
     found = {}
     for name, tree in modules.items():
-        asked = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module]
+        asked = [node for node in walk(tree) if isinstance(node, ast.ImportFrom) and node.module]
         door = f"rso_lidar.{room}"
         named = {alias.name for node in asked if node.module == door for alias in node.names}
         named |= {node.module.removeprefix(f"{door}.") for node in asked if node.module.startswith(f"{door}.")}
@@ -138,7 +143,7 @@ def dotted(node):
 def random_sins(tree):
     """Return what in a parsed source draws random numbers that no seed governs."""
     sins = []
-    for node in ast.walk(tree):
+    for node in walk(tree):
         match node:
             case ast.Import(names=names):
                 sins += [alias.name for alias in names if alias.name in ("random", "numpy.random")]

@@ -11,7 +11,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.part import Part
-from tests.house.sources import parse
+from tests.house.sources import parse, walk
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "rso_lidar"
@@ -21,7 +21,7 @@ def classes(trees):
     """Return, by name without leading underscores, the modules that define a class."""
     found = {}
     for module, tree in trees.items():
-        for node in ast.walk(tree):
+        for node in walk(tree):
             if isinstance(node, ast.ClassDef):
                 found.setdefault(node.name.lstrip("_"), []).append(module)
     return found
@@ -174,13 +174,14 @@ def names_in(node):
 def questions(tree):
     """Return each line that asks which class or type something has, with the words of the question."""
     found = []
-    for node in ast.walk(tree):
+    for node in walk(tree):
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
             found.append((node.lineno, names_in(node.args[1])))
         elif isinstance(node, ast.MatchClass):
             found.append((node.cls.lineno, names_in(node.cls)))
         elif isinstance(node, ast.Compare):
-            found.append((node.lineno, set(re.findall(r"(?=\b(\w+\.type)\b)", ast.unparse(node)))))
+            text = ast.unparse(node) if "type" in names_in(node) else ""
+            found.append((node.lineno, set(re.findall(r"(?=\b(\w+\.type)\b)", text))))
     return found
 
 
@@ -221,8 +222,8 @@ RIDDLES = {"one", "found", "made", "told"}
 
 def riddles(tree):
     """Return the lines that bind a local name which says nothing of the thing that it holds."""
-    fields = {id(it.target) for it in ast.walk(tree) if isinstance(it, ast.AnnAssign) and it.value is None}
-    stored = [it for it in ast.walk(tree) if isinstance(it, ast.Name) and isinstance(it.ctx, ast.Store)]
+    fields = {id(it.target) for it in walk(tree) if isinstance(it, ast.AnnAssign) and it.value is None}
+    stored = [it for it in walk(tree) if isinstance(it, ast.Name) and isinstance(it.ctx, ast.Store)]
     return sorted({it.lineno for it in stored if it.id in RIDDLES and id(it) not in fields})
 
 

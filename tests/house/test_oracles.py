@@ -9,7 +9,7 @@ import ast
 import re
 from functools import cache
 
-from tests.house.sources import parse
+from tests.house.sources import parse, walk
 
 ORACLE = re.compile(r"\boracle of((?:(?:,| and)?\s+`rso_lidar\.[\w.]+`)+)", re.IGNORECASE)
 NONE = {  # kernels without an oracle, by module, and what checks them instead
@@ -47,7 +47,7 @@ def definitions():
 def scope(module):
     """Return what the names in a module stand for, by dotted name."""
     names = {}
-    for node in ast.walk(modules()[module]):
+    for node in walk(modules()[module]):
         if isinstance(node, ast.ImportFrom) and node.module:
             names |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
     own = (node.name for node in modules()[module].body if isinstance(node, ast.FunctionDef | ast.ClassDef))
@@ -113,7 +113,7 @@ def compared():
 def imports_of(tree, folder):
     """Return the modules of a folder that a module imports."""
     names = set()
-    for node in ast.walk(tree):
+    for node in walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module:
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     return {name for name in names if name.startswith(folder)}

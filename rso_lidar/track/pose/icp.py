@@ -90,7 +90,10 @@ def align(
     sigma_rad = np.array([sigmas.get(hinge.name, UNKNOWN_ANGLE_RAD) for hinge in model.hinges])
     believed = np.array(model.hinge_angles_rad)
     body_from_lidar, angles = guess.inv().as_matrix(), believed.copy()
-    matrix, shift_m = body_from_lidar[:3, :3], body_from_lidar[:3, 3]  # a product of transforms takes longer than a step
+    matrix, shift_m = (
+        body_from_lidar[:3, :3],
+        body_from_lidar[:3, 3],
+    )  # a product of transforms takes longer than a step
     taken, off, rows = 0, np.zeros(1), np.zeros((1, _FEWEST + len(believed)))
     while taken < steps:
         taken += 1
