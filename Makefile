@@ -50,9 +50,9 @@ PYTEST := $(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope --no-loadscope-
 test: rules ## run before each commit: format, lint, floors, types, doctests and all tests that are quick (8 minutes)
 	$(PYTEST) -m "not slow"
 
-check: test ## run all that CI runs: `make test`, tests that are slow, site, processor and bounds (25 minutes)
-	$(PYTEST) -m slow
+check: test ## run all that CI runs: `make test`, site, tests that are slow, processor and bounds (25 minutes)
 	@$(MAKE) site
+	$(PYTEST) -m slow
 	@$(MAKE) processor
 	@$(MAKE) bounds
 
