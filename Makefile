@@ -50,10 +50,11 @@ PYTEST := $(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope --no-loadscope-
 test: rules ## run before each commit: format, lint, floors, types, doctests and all tests that are quick (8 minutes)
 	$(PYTEST) -m "not slow"
 
-check: test ## run all that CI runs: `make test`, tests that are slow, site, processor and bounds (25 minutes)
-	$(PYTEST) -m slow
-	@$(MAKE) processor $(VENV)/.installed-site
+check: test ## run all that CI runs: `make test`, site, tests that are slow, processor and bounds (25 minutes)
+	@$(MAKE) $(VENV)/.installed-site
 	@$(MAKE) --jobs=2 --output-sync site bounds  # each of one process
+	$(PYTEST) -m slow
+	@$(MAKE) processor
 
 site: $(VENV)/.installed-site ## build the documentation into out/site: every example run, every link checked
 	@rm -rf out/site

@@ -27,6 +27,7 @@ extensions = [
     "extensions.command_pages",
     "extensions.field_tables",
     "extensions.repository_files",
+    "extensions.section_search",
     "extensions.dark_pictures",
     "extensions.offline_links",
 ]

@@ -9,6 +9,9 @@ import re
 from pathlib import Path, PurePosixPath
 
 ADDRESS = re.compile(r"(\]\()(?![a-z]+:|#|/)([^)\s#]+)((?:#[^)\s]*)?\))")
+NAMED = re.compile(
+    r"\[`?[\w/.-]+\.md`?(\]\((?![a-z]+:|#|/)[^)\s#]+\.md(?:#[^)\s]*)?\))"
+)  # a link whose text is a file's name
 FENCE = re.compile(r"^(```.*?^```$)", re.DOTALL | re.MULTILINE)
 LANGUAGES = {
     ".py": "python",
@@ -43,7 +46,7 @@ class Files:
         self.pages: dict[str, str] = {}  # text by the name of a page
 
     def rewrite(self, text: str, place: Path, page: str) -> str:
-        """Return a page whose links out of docs/ lead to pages of the site.
+        """Return a page whose links out of docs/ lead to pages of the site, and show titles in place of files' names.
 
         Parameters
         ----------
@@ -72,7 +75,7 @@ class Files:
             return f"{found[1]}{up}{self.add(target)}.md{found[3] if target.suffix == '.md' else ')'}"
 
         blocks = FENCE.split(text)
-        blocks[::2] = [ADDRESS.sub(replace, block) for block in blocks[::2]]
+        blocks[::2] = [ADDRESS.sub(replace, NAMED.sub(r"[\1", block)) for block in blocks[::2]]
         return "".join(blocks)
 
     def add(self, target: Path) -> str:

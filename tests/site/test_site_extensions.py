@@ -63,6 +63,20 @@ def test_links_lead_to_pages_of_the_site(files, link, in_site):
     assert files.rewrite(f"see [it]({link})", files.docs, "sub/page") == f"see [it]({in_site})"
 
 
+@pytest.mark.parametrize(
+    ("link", "in_site"),
+    [
+        ("[orbits.md](orbits.md#drag)", "[](../orbits.md#drag)"),  # MyST fills in the title of the section
+        ("[`orbits.md`](orbits.md)", "[](../orbits.md)"),
+        ("[drag](orbits.md#drag)", "[drag](../orbits.md#drag)"),
+        ("[flyby.toml](../examples/flyby.toml)", "[flyby.toml](../files/examples/flyby.toml.md)"),
+        ("[a.md](https://example.org/a.md)", "[a.md](https://example.org/a.md)"),
+    ],
+)
+def test_links_named_after_a_page_show_its_title(files, link, in_site):
+    assert files.rewrite(link, files.docs, "sub/page") == in_site
+
+
 def test_links_in_code_stay(files):
     block = "```md\n[a](../README.md)\n```"
     assert files.rewrite(block, files.docs, "page") == block
