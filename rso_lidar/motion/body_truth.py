@@ -324,6 +324,7 @@ class _Evaluation:
             at,
             lambda name: tree.link(ROOT, self.by_name[name].origin),
             lambda model: self.flight_of(body, model),
+            lambda: tuple(chief.motion for chief in list_dependencies(body.replace(attitude=None), self.bodies)),
         )
 
 

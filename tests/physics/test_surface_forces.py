@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rso_lidar import units
-from rso_lidar.errors import ScenarioError
-from rso_lidar.motion import PrescribedAttitude, Rtn, Spin, Torqued, Tumble
+from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.motion import Body, PrescribedAttitude, Rtn, Spin, Torqued, Tumble, truth
 from rso_lidar.motion.attitudes.torqued import TorquedFlight
-from rso_lidar.orbit import Drag, Epochs, FacetForces, FacetModel, Forces, Kepler, Numerical, RadiationPressure
+from rso_lidar.orbit import Drag, Epochs, FacetForces, FacetModel, Forces, Kepler, Numerical, RadiationPressure, State
 from rso_lidar.records import FacetTable, grid_directions
 
 START = datetime.datetime(2026, 3, 2, tzinfo=datetime.UTC)
@@ -44,6 +44,34 @@ def test_a_sphere_of_facets_flies_as_the_cannonball():
     free = Numerical(initial=LOW).states(epochs)
     moved = np.linalg.norm(expected.position_m - free.position_m)
     assert np.linalg.norm(there.position_m - expected.position_m) < 1e-4 * moved
+
+
+def test_air_on_facets_ends_below_100_km_as_on_a_sphere():
+    """As drag does, for re-entry is stiff: 2991 s to the ground, of which half a minute of computing."""
+    low = State(epoch_utc=START, position_m=(6.518137e6, 0.0, 0.0), velocity_m_s=(0.0, 7.81e3, 0.0))
+    facets = Forces(facets=FacetForces(mass_kg=100.0))
+    falling = Numerical(initial=low, forces=facets).with_table(lambda: table(air=22.0), PrescribedAttitude(Rtn()))
+    with pytest.raises(PropagationError, match=r"falls below 100 km by \d+ s after the start"):
+        falling.states(Epochs(START, np.array([2000.0])))
+
+
+def test_a_torqued_flight_is_that_of_its_own_orbit():
+    """Two orbits of one start part at 600 s: what one has flown before is nothing to the other."""
+    law = Torqued(inertia_kg_m2=(400.0, 500.0, 600.0), body_rate_deg_s=(0.0, 0.0, 0.02))
+    ways = grid_directions(12, 24)
+    arm = FacetTable(
+        -2.0 * ways, -np.cross([0.0, 0.3, 0.1], 2.0 * ways), -22.0 * ways, -np.cross([0.0, 0.3, 0.1], 22.0 * ways)
+    )
+    jump = {"type": "impulse", "at_s": 600.0, "delta_v_m_s": (0.0, 1200.0, 0.0)}
+    bound = law.with_table(lambda: arm)
+
+    def turn(maneuvers, law):
+        craft = Body(name="craft", motion=Numerical(initial=LOW, maneuvers=maneuvers), attitude=law)
+        return truth([craft], Epochs(START, np.array([3000.0]))).poses.link("inertial", "craft").rotation
+
+    quiet, after, alone = turn((), bound), turn((jump,), bound), turn((jump,), law.with_table(lambda: arm))
+    assert (quiet.inv() * after).magnitude().max() > 0.1
+    assert (alone.inv() * after).magnitude().max() < 1e-6
 
 
 def test_a_tumble_without_torque_is_the_closed_form():

@@ -144,6 +144,9 @@ def _cut_flash(photons: Photons, mine: np.ndarray, begin: int, end: int) -> tupl
         name: None if (values := getattr(photons, name)) is None else values.ravel()[None, begin:end]
         for name in ("filled_fraction", "background_photons_per_s", "photons_variance")
     }
+    fields: dict[str, Any] = maps | {
+        name: getattr(photons, name)[own] for name in ("delay_s", "photons", "depth_spread_s", "coherence_cells", "hit")
+    }
     cut = replace(
         photons,
         shape=(1, end - begin),
@@ -151,11 +154,7 @@ def _cut_flash(photons: Photons, mine: np.ndarray, begin: int, end: int) -> tupl
         cluster=photons.cluster[own] - first,
         cluster_pixel=photons.cluster_pixel[first:last] - begin,
         epoch=None if photons.epoch is None else photons.epoch[own],
-        **{
-            name: getattr(photons, name)[own]
-            for name in ("delay_s", "photons", "depth_spread_s", "coherence_cells", "hit")
-        },
-        **maps,
+        **fields,
     )
     return cut, mine[own]
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion import Chief, find_plan, get_flown_motion, list_commands
-from rso_lidar.orbit import Epochs, PairSamples, find_spans_below
+from rso_lidar.motion import Chief, find_flight, find_plan, get_flown_motion
+from rso_lidar.orbit import Epochs, Impulse, PairSamples, find_spans_below
+from rso_lidar.part import Vector
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.rpo import plume_margin, rtn_matrix
 from rso_lidar.scenario import Scenario
@@ -20,7 +22,7 @@ _LEAST_SAMPLES = 48
 
 
 class PlanExhaust:
-    """The impulses and the held thrust of a body's plan.
+    """The impulses, burns and held thrust of a body's plan.
 
     Parameters
     ----------
@@ -34,7 +36,8 @@ class PlanExhaust:
         body = {body.name: body for body in scenario.bodies}[name]
         with scenario.locate_errors(f"{name}.motion"):
             plan = find_plan(body, scenario.bodies, self.start_utc)
-            self._impulses = list_commands(body, scenario.bodies, self.start_utc, until_s)
+            flight = find_flight(body, scenario.bodies, self.start_utc)
+            maneuvers = () if flight is None else flight.list_maneuvers(until_s)
         if plan is None:
             raise ScenarioError(
                 f"when: plume needs a plan, and {name} of {scenario.name} flies none; give it a motion that is a "
@@ -46,7 +49,23 @@ class PlanExhaust:
         self.half_angle_deg: float | None = getattr(operation, "plume_half_angle_deg", None)
         self.range_m: float | None = getattr(operation, "plume_range_m", None)
         self._plan, self._chief = plan, Chief(scenario.bodies, motion.relative_to)
-        self._held = [span for leg, *span in plan.stretches(until_s) if leg.acceleration_m_s2 is not None]
+        # instants and pushes in the rtn axes of the body that is approached, of the plan or as they fly
+        self._impulses: list[tuple[float, Vector]] = []
+        if flight is None:
+            self._impulses += [
+                (impulse.time_s, impulse.delta_v_m_s) for impulse in plan.impulses if impulse.time_s <= until_s
+            ]
+        self._thrusts = [
+            (begin_s, end_s, plan.control_m_s2)
+            for leg, begin_s, end_s in plan.stretches(until_s)
+            if leg.acceleration_m_s2 is not None
+        ]
+        for maneuver in maneuvers:
+            if isinstance(maneuver, Impulse):
+                self._impulses.append((maneuver.at_s, maneuver.delta_v_m_s))
+            else:
+                push = maneuver.acceleration_m_s2 or maneuver.thrust_n
+                self._thrusts.append((maneuver.from_s, maneuver.until_s, partial(_repeat, np.array(push))))
 
     def find(
         self,
@@ -57,7 +76,7 @@ class PlanExhaust:
     ) -> list[tuple[float, float]]:
         """Find the spans in which the exhaust reaches an object, within windows or from an impulse before them [s].
 
-        An impulse counts for `IMPULSE_S`, with the geometry at its instant.
+        An impulse counts for `IMPULSE_S`, with the geometry at its instant; a burn as long as it lasts.
 
         Parameters
         ----------
@@ -67,19 +86,18 @@ class PlanExhaust:
         """
         spans: list[tuple[float, float]] = []
         if self._impulses:
-            time_s = np.array([impulse.time_s for impulse in self._impulses]) - self._shift_s
-            push = np.array([impulse.delta_v_m_s for impulse in self._impulses])
+            time_s = np.array([at_s for at_s, _ in self._impulses]) - self._shift_s
+            push = np.array([push for _, push in self._impulses])
             near = [any(begin - IMPULSE_S < at < end for begin, end in windows) for at in time_s]
             time_s, push = time_s[near], push[near]
             if len(time_s):
                 hits = self._margin(sample, time_s, push, half_angle_rad, range_m) < 0.0
                 spans += [(at, at + IMPULSE_S) for at in time_s[hits].tolist()]
+        for first_s, last_s, control in self._thrusts:
 
-        def margin(time_s: np.ndarray) -> np.ndarray:
-            push = self._plan.control_m_s2(time_s + self._shift_s)
-            return self._margin(sample, time_s, push, half_angle_rad, range_m)
+            def margin(time_s: np.ndarray, control: Callable[[np.ndarray], np.ndarray] = control) -> np.ndarray:
+                return self._margin(sample, time_s, control(time_s + self._shift_s), half_angle_rad, range_m)
 
-        for first_s, last_s in self._held:
             for begin, end in windows:
                 low, high = max(begin, first_s - self._shift_s), min(end, last_s - self._shift_s)
                 if high <= low:
@@ -109,3 +127,8 @@ class PlanExhaust:
         chief = self._chief.states(Epochs(self.start_utc, time_s + self._shift_s))
         pushed = rotate_vectors(rtn_matrix(chief.position_m, chief.velocity_m_s)[0], push)
         return plume_margin(pushed, -sample(time_s).line_m, half_angle_rad, range_m)
+
+
+def _repeat(push: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """Return a push (3,) at each of some instants: (time, 3)."""
+    return np.broadcast_to(push, (len(time_s), 3))

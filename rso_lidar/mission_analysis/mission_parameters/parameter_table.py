@@ -53,15 +53,12 @@ class ParameterTable:
 
     def table(self) -> str:
         """Return a text table: path, value with unit, and source. Derived numbers have nine digits; files have them all."""
-        rows = [
-            (
-                parameter.path,
-                f"{_shorten(_format_value(_round_derived(parameter)))} {'' if parameter.unit == '1' else parameter.unit}".rstrip(),
-                parameter.source,
-            )
-            for parameter in self.parameters
-            if parameter.value is not None
-        ]
+        rows = []
+        for parameter in self.parameters:
+            if parameter.value is not None:
+                text = _shorten(_format_value(_round_derived(parameter)))
+                unit = "" if parameter.unit == "1" else parameter.unit
+                rows.append((parameter.path, f"{text} {unit}".rstrip(), parameter.source))
         return "\n".join(align_columns(rows, left=(0, 1, 2)))
 
     def csv_text(self) -> str:

@@ -184,13 +184,13 @@ def assess_pass(
         radius_m, radius_source = bodies.combine(follower.entry, target.entry)
         own, own_source = _find_state(sources, follower, epochs)
         other, source = _find_state(sources, target, epochs)
+        estimate = estimate_collision(own, other, radius_m)
     except (ScenarioError, PropagationError) as error:
         return PassCollision(collision_reason=str(error))
-    estimate = estimate_collision(own, other, radius_m)
     between = UncertainSeparation.between(own, other)
     line = between.position_m / max(float(np.linalg.norm(between.position_m)), 1e-9)
     turn = rtn_matrix(own.position_m, own.velocity_m_s)[0]
-    sigmas = np.sqrt(np.diag(turn.T @ between.covariance_m2 @ turn))
+    sigmas = np.sqrt(np.maximum(np.diag(turn.T @ between.covariance_m2 @ turn), 0.0))
     return PassCollision(
         **_list_probabilities(estimate),
         hard_body_radius_m=radius_m,

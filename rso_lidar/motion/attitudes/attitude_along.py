@@ -81,6 +81,7 @@ class PrescribedAttitude:
             at=refuse,
             origin_of=refuse,
             flight_of=refuse,
+            list_motions=refuse,
         )
         orientation = orient(self.law or FixedAttitude(), situation)
         matrix: np.ndarray = orientation.rotation.as_matrix().reshape(-1, 3, 3)[0]

@@ -80,6 +80,7 @@ class Situation:
     at : called with other epochs, gives the same body's situation then
     origin_of : called with the name of another body, gives the link from the root to the axes at its origin
     flight_of : called with a state-space model or an FMU of this body, gives its flight under the inputs so far
+    list_motions : called without arguments, lists the motions from which the position of the body follows
     """
 
     epochs: Epochs
@@ -94,6 +95,7 @@ class Situation:
     at: Callable[[Epochs], Situation]
     origin_of: Callable[[str], Link]
     flight_of: Callable[[CommandedModel], CommandedFlight]
+    list_motions: Callable[[], tuple[Any, ...]]
 
     @property
     def upward(self) -> np.ndarray:

@@ -74,9 +74,8 @@ class Torqued(RigidRotation):
         assert self._find_table is not None
         table = self._find_table()
         start_utc = situation.epochs.start_utc
-        there = situation.at(Epochs(start_utc, np.zeros(1)))
-        state = np.concatenate([there.position_m[0], there.velocity_m_s[0]]).tobytes()
-        key = self.model_dump_json(), id(table), start_utc, state
+        motions = situation.list_motions()
+        key = self.model_dump_json(), id(table), start_utc, *map(id, motions)
         with _lock:
             if key not in _flights:
 
@@ -85,14 +84,15 @@ class Torqued(RigidRotation):
                     along = situation.at(epochs)
                     return find_pressures_n_m2(epochs, along.position_m, along.velocity_m_s, self.facets.atmosphere)
 
-                _flights[key] = TorquedFlight(self, table, find_pressures)
+                _flights[key] = TorquedFlight(self, table, find_pressures), (table, motions)
                 while len(_flights) > _KEPT:
                     _flights.popitem(last=False)
             _flights.move_to_end(key)
-            return _flights[key]
+            return _flights[key][0]
 
 
-_flights: OrderedDict[Any, TorquedFlight] = OrderedDict()
+# By identity of tables and motions, which are kept beside the flight so that no other object takes theirs.
+_flights: OrderedDict[Any, tuple[TorquedFlight, Any]] = OrderedDict()
 _lock = Lock()
 
 

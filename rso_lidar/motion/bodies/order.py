@@ -5,9 +5,10 @@ from graphlib import CycleError, TopologicalSorter
 
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion.attitudes.situation import laws_of, looks_at, needs_orbit
+from rso_lidar.motion.attitudes.torqued import Torqued
 from rso_lidar.motion.bodies.body import RESERVED_AXES, Body
 from rso_lidar.motion.motions.motion import get_chief_name, is_attached
-from rso_lidar.orbit import CentralBody, find_center
+from rso_lidar.orbit import EARTH, CentralBody, find_center
 from rso_lidar.part import kind_of
 from rso_lidar.rpo import RtnMotion
 
@@ -154,6 +155,11 @@ def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body]
         if needs_orbit(law) and (local or not body.orbits):
             raise ScenarioError(
                 f"{body.name}.attitude: '{kind_of(law)}' needs a body that orbits; use 'fixed', 'spin' or 'look_at'"
+            )
+        if isinstance(law, Torqued) and (center := find_center_of_body(body, by_name)) is not EARTH:
+            raise ScenarioError(
+                f"{body.name}.attitude: 'torqued' knows the Earth's shadow and air, and the body orbits the {center.name}; "
+                "use 'tumble'"
             )
         needs += [_find_target_axes(at, body, by_name, hosts) for at in looks_at(law)]
     if getattr(body.motion, "turns", False) and body.attitude is not None:

@@ -204,8 +204,11 @@ def _find_breaks(first: UncertainState, second: UncertainState, radius_m: float,
         at = brentq(closing, time_s[k], time_s[k + 1])
         mean, covariance = _relative_state(first, second, at)
         between = UncertainSeparation(mean[:3], mean[3:], covariance[:3, :3])
+        breaks.add(at)
+        if not between.speed_m_s > 0.0:  # at rest there: no time tells how long the means stay close
+            continue
         length_s = (between.sigma_along_m + radius_m) / between.speed_m_s
-        breaks |= {at, *(at + side * spread * length_s for spread in _SPREADS for side in (-1.0, 1.0))}
+        breaks |= {at + side * spread * length_s for spread in _SPREADS for side in (-1.0, 1.0)}
     return sorted(instant for instant in breaks if abs(instant) < window_s)
 
 

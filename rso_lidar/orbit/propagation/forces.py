@@ -113,6 +113,11 @@ class Forces(Part):
             return self.drag.atmosphere
         return self.facets.atmosphere if self.facets is not None and self.facets.drag else None
 
+    @property
+    def has_air(self) -> bool:
+        """Whether air acts, on a sphere or on facets."""
+        return self._atmosphere is not None
+
     def describe_gravity(self) -> str:
         """Describe the Earth's gravity in a few words; an empty text for a point mass."""
         if self.gravity is not None:

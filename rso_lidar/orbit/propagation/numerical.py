@@ -208,7 +208,7 @@ class IntegratedOrbit:
         field, piece = forces.field(start_utc), forces.phase(start_utc)
         self._begin_s, self._chief = begin_s, chief
         # No orbit lasts in the air below 100 km, and re-entry is so stiff that its integration would take minutes.
-        self._floor_m = 100.0 * units.KM if forces.drag is not None else 0.0
+        self._floor_m = 100.0 * units.KM if forces.has_air else 0.0
         floor_m2 = (units.EARTH_RADIUS_M + self._floor_m) ** 2
         impulses = [maneuver for maneuver in maneuvers if isinstance(maneuver, Impulse) and maneuver.at_s >= begin_s]
         burns = [maneuver for maneuver in maneuvers if not isinstance(maneuver, Impulse) and maneuver.until_s > begin_s]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -145,7 +146,8 @@ def find_facets(
     loads = FacetLoads(surfaces, specular, diffuse, gas, place if target.joints else None, model.points)
     shown = model.model_dump_json(exclude={"mass_kg", "sunlight", "drag"})
     hinges = str([joint.model_dump_json() for joint in target.joints])
-    key = whole.content, shown, hinges, str([tuple(finish) for finish in finishes])
+    parts = hashlib.sha256(whole.part.tobytes()).hexdigest()
+    key = whole.content, parts, shown, hinges, str([tuple(finish) for finish in finishes])
     return TargetFacets(key, target, model, loads)
 
 

@@ -57,10 +57,10 @@ def _resolve(errors: StateErrors, scenario: Scenario, target: str, body: str, pl
     there = Chief(scenario.bodies, target).states(at)
     from_rtn = orbit_state_matrix("rtn", there.position_m, there.velocity_m_s, rotating=True)[0]
     with scenario.locate_errors(place):
+        own = there if body == target else Chief(scenario.bodies, body).states(at)
         if isinstance(errors.start, ElementSetErrors):
-            turn, covariance = gcrs_state_matrix("rtn", at, there)[0], find_set_covariance(errors.start, scenario)
+            turn, covariance = gcrs_state_matrix("rtn", at, own)[0], find_set_covariance(errors.start, scenario)
         else:
-            own = there if body == target else Chief(scenario.bodies, body).states(at)
             turn, covariance = _find_covariance(errors.start, scenario, at, own)
     # by a square root: errors along the track and in radial speed almost cancel in rotating axes, and the difference of
     # their large variances may round to less than nothing

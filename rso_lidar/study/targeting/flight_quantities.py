@@ -106,20 +106,29 @@ class TargetedFlight:
         """Impulses and burns of the run, those of guidance among them; held legs are left out."""
         if not self._commands:
             return ()
-        states = self.find_states(np.array([command[0] for command in self._commands]))
+        time_s = np.array([command[0] for command in self._commands])
+        states, scenario = self.find_states(time_s), self._scenario
+        approached, chief_name = states.target, get_chief_name(self._body.motion)
+        if chief_name is not None:  # which need not be the target that was asked about
+            approached = Chief(scenario.bodies, chief_name).states(Epochs(scenario.time.start_utc, time_s))
         pushes = []
-        for k, (time_s, size_m_s, along, axes) in enumerate(self._commands):
-            about = states.target if axes == "chief_rtn" else states.follower
+        for k, (at_s, size_m_s, along, axes) in enumerate(self._commands):
+            about = approached if axes == "chief_rtn" else states.follower
             place = about.position_m[k].tolist(), about.velocity_m_s[k].tolist()
-            pushes.append(Push(time_s, size_m_s, np.array(rotate_to_inertial(along, axes, *place))))
+            pushes.append(Push(at_s, size_m_s, np.array(rotate_to_inertial(along, axes, *place))))
         return tuple(pushes)
 
     @property
     def delta_v_m_s(self) -> float:
-        """Delta-v of the run [m/s]: impulses, burns, and the held legs of the plan."""
-        plan = find_plan(self._body, self._scenario.bodies, self._scenario.time.start_utc)
-        held_m_s = 0.0 if plan is None else plan.continuous_delta_v_m_s
-        return math.fsum(command[1] for command in self._commands) + held_m_s
+        """Delta-v of the run [m/s]: impulses, burns, and the held legs of the plan, to the end of the run."""
+        time = self._scenario.time
+        plan = find_plan(self._body, self._scenario.bodies, time.start_utc)
+        held = [
+            plan.continuous_between_m_s(begin_s, end_s)
+            for leg, begin_s, end_s in (plan.stretches(time.duration_s) if plan else ())
+            if leg.acceleration_m_s2 is not None and end_s > begin_s
+        ]
+        return math.fsum([*(command[1] for command in self._commands), *held])
 
     @property
     def largest_impulse_m_s(self) -> float:

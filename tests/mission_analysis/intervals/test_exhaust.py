@@ -168,3 +168,17 @@ def test_a_plume_needs_the_follower_of_a_scenario():
     own, station = BodyTrajectory(scenario, "follower"), BodyTrajectory(scenario, "station")
     with pytest.raises(ScenarioError, match=r"^when: plume needs a follower that flies a plan; give its scenario as"):
         rl.study.events({"a": own, "b": station}, None, "plume(30deg, 9m)", start_utc=scenario.time.start_utc, days=0.1)
+
+
+def test_a_burn_of_finite_length_fires_as_long_as_it_lasts():
+    """Burns of a hop at 5 mm/s2: the commanded change of velocity over the acceleration is their length."""
+    plan = '{ type = "hop", relative_to = "station", from_m = [0, -400, 0], to_m = [0, -100, 0], duration_s = 900 }'
+    flown = f'type = "flown"\nplan = {plan}\nthrusters = {{ acceleration_m_s2 = 0.005 }}\n'
+    scenario = make_scenario(flown)
+    follower = scenario.follower
+    commands = rl.motion.list_commands(follower, scenario.bodies, scenario.time.start_utc, 1800.0)
+    assert len(commands) == 2
+    spans = search(scenario, "plume(179.9deg, 1km)", days=1800.0 / DAY_S)
+    lengths = [end - begin for begin, end in spans]
+    assert lengths == pytest.approx([command.size_m_s / 0.005 for command in commands], abs=0.05)
+    assert min(lengths) > 10.0 * IMPULSE_S

@@ -30,6 +30,15 @@ def test_a_fast_encounter_is_fosters(sigma_m, radius_m):
     assert found.window_s < 10.0
 
 
+@pytest.mark.parametrize("off_m", [(10.0, 0.0, 0.0), (0.0, 10.0, 0.0), (0.0, 0.0, 10.0)])
+def test_means_at_rest_to_each_other_have_a_probability(off_m):
+    """Of which most is that of the position at first: the part of a normal distribution in a sphere."""
+    first, second = make_pair(miss_m=off_m, angle_deg=0.0, sigma_m=10.0)
+    found = integrate_collisions(first, second, 15.0, window_s=1.0)
+    drawn = np.random.default_rng(5).multivariate_normal(off_m, np.diag([200.0, 800.0, 200.0]), size=400_000)
+    assert found.probability == pytest.approx(np.mean(np.linalg.norm(drawn, axis=1) < 15.0), rel=0.03)
+
+
 def test_a_slow_encounter_is_that_of_monte_carlo():
     """Side by side for a twelfth of a revolution, one is overtaken by the other."""
     first, second = make_pair(miss_m=(40.0, 30.0, 5.0), angle_deg=0.01)

@@ -69,6 +69,11 @@ def test_what_the_moon_hides_is_said():
         ("[lidar]", f"{GLARE}[lidar]", "lidar.receiver.glare: the follower orbits about the Moon"),
         ("[lidar]", '[[sensor]]\ntype = "gnss"\nname = "g"\nrate_hz = 1\n[lidar]', "sensor 'g': GNSS does not serve"),
         ("[lidar]", f"{STARS}[lidar]", "sensor 's': its exclusion angle"),
+        (
+            'attitude = { type = "lvlh_ccsds" }',
+            'attitude = { type = "torqued", inertia_kg_m2 = [1, 2, 2.5], body_rate_deg_s = [0, 0, 1] }',
+            "orbiter.attitude: 'torqued' knows the Earth's shadow and air, and the body orbits the Moon",
+        ),
         ('type = "hill"', 'type = "nonlinear", forces = {}', "follower.motion: forces: are integrated with the Earth's"),
         ("kernel_file", "# kernel_file", "kernel_file: an orbit about the Moon needs the Moon's position"),
         ("start_utc = 2015", "start_utc = 2024", "orbiter.motion: kernel_file: .*does not cover"),
