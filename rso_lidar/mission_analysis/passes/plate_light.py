@@ -205,6 +205,7 @@ class PlateLight:
         range_m: np.ndarray,
         spread_s: np.ndarray,
         sunlight_per_s: np.ndarray,
+        *,
         flashes: int = 1,
     ) -> np.ndarray | None:
         """Return the probability (pixel) that each of the first pixels of a camera reports a plate of its own.
