@@ -140,7 +140,7 @@ def _cut_flash(photons: Photons, mine: np.ndarray, begin: int, end: int) -> tupl
     """Return the light of the pixels from `begin` up to `end`, and which of its returns count."""
     own = (photons.pixel >= begin) & (photons.pixel < end)
     first, last = np.searchsorted(photons.cluster_pixel, [begin, end])
-    maps = {
+    maps: dict[str, Any] = {
         name: None if (values := getattr(photons, name)) is None else values.ravel()[None, begin:end]
         for name in ("filled_fraction", "background_photons_per_s", "photons_variance")
     }

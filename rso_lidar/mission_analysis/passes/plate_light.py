@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -184,14 +183,14 @@ class PlateLight:
         detector = self.lidar.detector
         spread_s = np.abs(rate_m_s) * self.lidar.exposure_s / units.RANGE_PER_DELAY_M_S
         inputs = photons, range_m, spread_s, sunlight_per_s
-        probes = None if detector.traits.is_gated else self._list_pixels([np.repeat(of, _PROBES) for of in inputs])
+        probes = None if detector.traits.is_gated else self._list_pixels(*(np.repeat(of, _PROBES) for of in inputs))
         if probes is not None:
             probes = probes.reshape(-1, _PROBES)
             mean: np.ndarray = probes.mean(axis=1)
             unlike = np.flatnonzero(np.ptp(probes, axis=1) > _ALIKE)
             for begin in range(0, len(unlike), _FLASHES):
                 some = unlike[begin : begin + _FLASHES]
-                pixels = self._list_pixels([np.repeat(of[some], _PIXELS) for of in inputs], flashes=len(some))
+                pixels = self._list_pixels(*(np.repeat(of[some], _PIXELS) for of in inputs), flashes=len(some))
                 if pixels is not None:
                     mean[some] = pixels.reshape(-1, _PIXELS).mean(axis=1)
             return mean
@@ -200,17 +199,23 @@ class PlateLight:
         quiet: np.ndarray = reported * (1.0 - false_alarm_probability(detector, range_m))
         return quiet
 
-    def _list_pixels(self, inputs: Sequence[np.ndarray], flashes: int = 1) -> np.ndarray | None:
+    def _list_pixels(
+        self,
+        photons: np.ndarray,
+        range_m: np.ndarray,
+        spread_s: np.ndarray,
+        sunlight_per_s: np.ndarray,
+        *,
+        flashes: int = 1,
+    ) -> np.ndarray | None:
         """Return the probability (pixel) that each of the first pixels of a camera reports a plate of its own.
 
-        Without a closed form of the detector there is none.
+        Without a closed form of the detector there is none. Arrays are (pixel).
 
         Parameters
         ----------
-        inputs : photons, range [m], spread of the delay [s] and sunlight [photons/s], each (pixel)
         flashes : number of flashes whose pixels are listed one flash after another
         """
-        photons, range_m, spread_s, sunlight_per_s = inputs
         laser = self.lidar.laser
         nearest_m = np.maximum(range_m - 0.5, 0.0)
         light = make_plate(photons, len(photons), laser.pulse, laser.pulse_fwhm_s, nearest_m, flashes)

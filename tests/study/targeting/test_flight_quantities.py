@@ -38,7 +38,7 @@ def fly(duration_s, target="sat"):
 
 @pytest.mark.parametrize("duration_s", [100.0, 450.0, 900.0, 3600.0])
 def test_delta_v_is_that_of_the_run(duration_s):
-    """Held at 0.5 m/s along the track of a circle of period T: |a| = 2 n v but for the eccentricity (Clohessy, Wiltshire)."""
+    """Held at 0.5 m/s along the track of a circle: |a| = 2 n v but for the eccentricity (Clohessy, Wiltshire)."""
     n_rad_s = math.sqrt(3.986004418e14 / 6878e3**3)
     impulses = 0.5 + 0.5 * (duration_s >= 900.0)
     held = 2.0 * n_rad_s * 0.5 * min(duration_s, 900.0)
