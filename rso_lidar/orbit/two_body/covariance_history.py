@@ -178,20 +178,38 @@ class CovarianceHistory:
             covariance[rest] = (1.0 - weight) * early + weight * late
         if axes is None:
             return covariance
-        states = self.reference.states(wanted)
+        states = self._locate(wanted)
         back = invert_state_matrix(orbit_state_matrix(axes, states.position_m, states.velocity_m_s, rotating=rotating))
         turned: np.ndarray = back @ covariance @ np.swapaxes(back, 1, 2)
         return turned
 
     def _carry(self, which: np.ndarray, epochs: Epochs) -> np.ndarray:
         """Propagate covariances (time) by number to an instant each, in the rotating rtn axes of the reference orbit."""
-        begin, there = self.reference.states(self.epochs.at(which)), self.reference.states(epochs)
+        begin, there = self.reference.states(self.epochs.at(which)), self._locate(epochs)
         span_s = epochs.since(self.epochs.start_utc) - self.epochs.time_s[which]
         moved, transition = find_transition(begin.position_m, begin.velocity_m_s, span_s)
         from_rtn = _rotating_rtn(there) @ invert_state_matrix(_rotating_rtn(BodyState(moved[:, :3], moved[:, 3:])))
         whole = from_rtn @ transition
         carried: np.ndarray = whole @ self.matrices[which] @ np.swapaxes(whole, 1, 2)
         return carried
+
+    def _locate(self, epochs: Epochs) -> BodyState:
+        """Return the states of the reference orbit; where it ends before or after the covariances, by two-body motion."""
+        try:
+            return self.reference.states(epochs)
+        except PropagationError as error:
+            now_s, known_s = epochs.since(self.epochs.start_utc), self.epochs.time_s
+            missing = error.bad
+            if not missing.any() or (missing & (now_s >= known_s[0]) & (now_s <= known_s[-1])).any():
+                raise
+            rows, which = np.flatnonzero(missing), np.where(now_s[missing] < known_s[0], 0, len(known_s) - 1)
+            ends = self.reference.states(self.epochs.at(which))
+            states = np.empty((len(now_s), 6))
+            states[rows], _ = find_transition(ends.position_m, ends.velocity_m_s, now_s[rows] - known_s[which])
+            if not missing.all():
+                known = self.reference.states(epochs.at(np.flatnonzero(~missing)))
+                states[~missing] = np.concatenate([known.position_m, known.velocity_m_s], axis=1)
+            return BodyState(states[:, :3], states[:, 3:])
 
     def _check_span(self, wanted: Epochs, now_s: np.ndarray, is_known: np.ndarray, beyond: str) -> None:
         """Raise `PropagationError` for instants at which there is no covariance."""

@@ -26,7 +26,10 @@ class SensorBias(Part):
     range_sigma_m: NotNegative = Field(default=0.0, description="Standard deviation of the bias of ranges [m].")
     bearing_sigma_deg: Annotated[NotNegative, Field(le=10.0)] = Field(
         default=0.0,
-        description="Standard deviation of the bias of directions in the orbital plane, and out of it [deg].",
+        description=(
+            "Standard deviation of the bias of directions in the orbital plane, and out of it [deg]. Within 2.6 degrees of "
+            "the orbit normal the radial axis takes its place, and both biases turn there."
+        ),
     )
     correlation_time_s: Positive | None = Field(
         default=None,

@@ -62,7 +62,10 @@ class GasLaw:
 def find_light_coefficients(
     cosine: np.ndarray, specular: np.ndarray, diffuse: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the coefficients of sunlight toward the Sun and along the normal (Montenbruck & Gill, eq. 3.73).
+    """Return the coefficients of sunlight toward the Sun and along the normal.
+
+    The mirror is that of Montenbruck & Gill, eq. 3.73. Light that leaves by Lambert's law has a mean cosine of 2/3, and
+    pushes along the normal by that share.
 
     Parameters
     ----------

@@ -42,6 +42,35 @@ def find_true(orbit, times_s):
     return transition @ (turn @ RTN @ turn.T) @ np.swapaxes(transition, 1, 2)
 
 
+class EndingOrbit:
+    """The orbit of an ephemeris that ends with its last covariance."""
+
+    def __init__(self, last_s):
+        self.orbit, self.last_s = Numerical(initial=LOW, forces=Forces(zonal_degree=0)), last_s
+
+    def states(self, epochs):
+        bad = (epochs.since(START) < 0.0) | (epochs.since(START) > self.last_s)
+        if bad.any():
+            raise PropagationError("outside the ephemeris", bad)
+        return self.orbit.states(epochs)
+
+
+@pytest.mark.parametrize("axes", [None, "rtn"])
+def test_beyond_an_ephemeris_that_ends_with_its_covariances_both_go_on(axes):
+    known = Epochs(START, np.array([0.0, 600.0]))
+    ending = EndingOrbit(600.0)
+    endless = ending.orbit
+    pair = [
+        CovarianceHistory.from_axes("craft", orbit, known, np.stack([RTN, 2.0 * RTN])) for orbit in (ending, endless)
+    ]
+    later = Epochs(START, np.array([-300.0, 300.0, 600.0, 900.0, 2000.0]))
+    found, expected = (history.at(later, axes=axes, beyond="two_body") for history in pair)
+    scale = np.sqrt(np.diagonal(expected, axis1=1, axis2=2))
+    assert np.abs((found - expected) / (scale[:, :, None] * scale[:, None, :])).max() < 1e-6
+    with pytest.raises(PropagationError, match="it spans"):
+        pair[0].at(later, axes=axes)
+
+
 def test_between_epochs_the_covariance_is_that_of_the_perturbed_orbit():
     orbit = Numerical(initial=LOW)
     known_s, between_s = np.arange(0.0, 7201.0, 1800.0), np.arange(900.0, 7200.0, 1800.0)
