@@ -214,7 +214,7 @@ class PlateLight:
 
         Parameters
         ----------
-        flashes : number of flashes whose pixels are listed one flash after another
+        flashes : number of flashes, whose pixels are listed one flash after another; 1 by default
         """
         laser = self.lidar.laser
         nearest_m = np.maximum(range_m - 0.5, 0.0)

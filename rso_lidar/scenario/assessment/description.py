@@ -68,15 +68,14 @@ def _find_chances(mission: Mission, number: int, preview: Preview) -> dict[int, 
     }
 
 
-def _describe_verdict(warned: int, chances: Mapping[str, Mapping[int, np.ndarray]]) -> str:
+def _describe_verdict(n_warnings: int, chances: Mapping[str, Mapping[int, np.ndarray]]) -> str:
     """Describe in a line whether a mission flies, and whether its targets are found at its ends.
 
     Parameters
     ----------
-    warned : how many warnings there are
     chances : by target and row of the preview, the probability (attitude) of being found there
     """
-    text = f"flies, with {warned} warning{'s' * (warned > 1)}" if warned else "ready to fly, no warnings"
+    text = f"flies, with {n_warnings} warning{'s' * (n_warnings > 1)}" if n_warnings else "ready to fly, no warnings"
     for name, ends in list(chances.items())[:_MOST_IN_VERDICT]:
         means = [f"{probability.mean():.2f}" for probability in ends.values()]
         text += (
