@@ -21,9 +21,8 @@ INDEX = "section_index.js"  # in _static of the site
 WEIGHTS = {"api/": 0.4, "files/": 0.4, "files/CONTRIBUTING": 1.0, "files/CHANGELOG": 0.2, "validation_cases": 0.1}
 GENERATED_WEIGHT = 0.4  # of what docs/generate.py writes
 TITLE_COUNT = 2  # a word of the title, or of the titles above it, counts as so many words of the text
-IGNORED = frozenset(
-    {"get", "need", "use", "want"}
-)  # words of questions, beside Sphinx's list, that say nothing of the subject
+# Words of questions, beside Sphinx's list, that say nothing of the subject.
+IGNORED = frozenset({"get", "need", "use", "want"})
 MARK = re.compile("<!-- (generated:|end of) .*-->")  # of docs/generate.py
 SKIPPED = (nodes.comment, nodes.raw, nodes.title, nodes.section)
 
