@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import sys
 import textwrap
 
 from rso_lidar.cli.arguments import ScenarioFile, Settings, TrustCode, TrustFmu
@@ -24,7 +25,7 @@ def check(
     scenario = Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
     with announce_compiling():
         described = scenario.describe()
-    width = min(shutil.get_terminal_size((_WIDTH, 24)).columns, _WIDTH)
+    width = min(shutil.get_terminal_size().columns, _WIDTH) if sys.stdout.isatty() else _WIDTH
     echo("\n".join(_fold(line, width) for line in described.splitlines()))
 
 

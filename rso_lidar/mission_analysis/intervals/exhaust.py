@@ -11,7 +11,6 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import Chief, find_flight, find_plan, get_flown_motion
 from rso_lidar.orbit import Epochs, Impulse, PairSamples, find_spans_below
-from rso_lidar.part import Vector
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.rpo import plume_margin, rtn_matrix
 from rso_lidar.scenario import Scenario
@@ -50,7 +49,7 @@ class PlanExhaust:
         self.range_m: float | None = getattr(operation, "plume_range_m", None)
         self._plan, self._chief = plan, Chief(scenario.bodies, motion.relative_to)
         # instants and pushes in the rtn axes of the body that is approached, of the plan or as they fly
-        self._impulses: list[tuple[float, Vector]] = []
+        self._impulses: list[tuple[float, np.ndarray]] = []
         if flight is None:
             self._impulses += [
                 (impulse.time_s, impulse.delta_v_m_s) for impulse in plan.impulses if impulse.time_s <= until_s
@@ -62,7 +61,7 @@ class PlanExhaust:
         ]
         for maneuver in maneuvers:
             if isinstance(maneuver, Impulse):
-                self._impulses.append((maneuver.at_s, maneuver.delta_v_m_s))
+                self._impulses.append((maneuver.at_s, np.array(maneuver.delta_v_m_s)))
             else:
                 push = maneuver.acceleration_m_s2 or maneuver.thrust_n
                 self._thrusts.append((maneuver.from_s, maneuver.until_s, partial(_repeat, np.array(push))))

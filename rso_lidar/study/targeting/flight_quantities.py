@@ -123,12 +123,14 @@ class TargetedFlight:
         """Delta-v of the run [m/s]: impulses, burns, and the held legs of the plan, to the end of the run."""
         time = self._scenario.time
         plan = find_plan(self._body, self._scenario.bodies, time.start_utc)
-        held = [
-            plan.continuous_between_m_s(begin_s, end_s)
-            for leg, begin_s, end_s in (plan.stretches(time.duration_s) if plan else ())
-            if leg.acceleration_m_s2 is not None and end_s > begin_s
-        ]
-        return math.fsum([*(command[1] for command in self._commands), *held])
+        sizes_m_s = [command[1] for command in self._commands]
+        if plan is not None:
+            sizes_m_s += [
+                plan.continuous_between_m_s(begin_s, end_s)
+                for leg, begin_s, end_s in plan.stretches(time.duration_s)
+                if leg.acceleration_m_s2 is not None and end_s > begin_s
+            ]
+        return math.fsum(sizes_m_s)
 
     @property
     def largest_impulse_m_s(self) -> float:
