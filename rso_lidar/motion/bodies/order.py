@@ -158,7 +158,7 @@ def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body]
             )
         if isinstance(law, Torqued) and (center := find_center_of_body(body, by_name)) is not EARTH:
             raise ScenarioError(
-                f"{body.name}.attitude: 'torqued' knows the Earth's shadow and air, and the body orbits the {center.name}; "
+                f"{body.name}.attitude: 'torqued' knows the Earth's shadow and air, and the body orbits {center.name}; "
                 "use 'tumble'"
             )
         needs += [_find_target_axes(at, body, by_name, hosts) for at in looks_at(law)]

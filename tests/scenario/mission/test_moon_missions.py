@@ -72,7 +72,7 @@ def test_what_the_moon_hides_is_said():
         (
             'attitude = { type = "lvlh_ccsds" }',
             'attitude = { type = "torqued", inertia_kg_m2 = [1, 2, 2.5], body_rate_deg_s = [0, 0, 1] }',
-            "orbiter.attitude: 'torqued' knows the Earth's shadow and air, and the body orbits the Moon",
+            "orbiter.attitude: 'torqued' knows the Earth's shadow and air, and the body orbits the Moon; use 'tumble'",
         ),
         ('type = "hill"', 'type = "nonlinear", forces = {}', "follower.motion: forces: are integrated with the Earth's"),
         ("kernel_file", "# kernel_file", "kernel_file: an orbit about the Moon needs the Moon's position"),
