@@ -98,7 +98,7 @@ def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview
     when_s, nearest_m = min((find_minimum(distance_m, *span) for span in clipped), key=lambda minimum: minimum[1])
     inside = ", from the first frame on" if spans[0][0] < start_s else f", first at {clipped[0][0]:.3f} s"
     outside = " outside of its corridor" if corridors else ""
-    nearest = f"{nearest_m:.3g}" if nearest_m < 999.5 else f"{nearest_m:,.0f}"
+    nearest = f"{nearest_m:.3g}" if nearest_m < 999.5 else f"{nearest_m:.0f}"
     return [
         f"constraints.keep_out_m: the follower comes within {nearest} m of {target}{outside} at {when_s:.3f} s, and "
         f"{radius_m:g} m is required{inside}; fly wider, or reduce the sphere"

@@ -112,7 +112,7 @@ class TestKeepOut:
         scenario = rl.Scenario.loads(text)
         only(
             list_violations(Constraints(keep_out_m=1500), scenario, preview_mission(scenario)),
-            "1e+03 m",
+            "1000 m",
             "from the first frame on",
         )
 
