@@ -408,7 +408,7 @@ def test_element_sets_state_a_covariance_by_name(sets):
     off = (turn @ resolved.start_covariance @ turn.T - expected) / scale
     assert np.abs(off).max() < 1e-6
     own = make_scenario(dispersion=rl.Dispersion(start=errors))
-    along_m = rl.study.disperse(own, 2).tubes["along_linear_sigma_m"][0]  # along the follower's own track, a little aside
+    along_m = rl.study.disperse(own, 2).tubes["along_linear_sigma_m"][0]  # along its own track, a little aside
     assert along_m == pytest.approx(found.tubes["along_linear_sigma_m"][0], rel=1e-4)
 
 
