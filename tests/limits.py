@@ -94,6 +94,17 @@ def slowness() -> float:
     return max(1.0, (time.thread_time() - before) / YARDSTICK_S)
 
 
+def growth(work, few, many) -> float:
+    """Return how many times the CPU time of `work(few)` the work `work(many)` takes, each the least of three."""
+
+    def measure(number):
+        before = time.process_time()
+        work(number)
+        return time.process_time() - before
+
+    return min(measure(many) for _ in range(3)) / min(measure(few) for _ in range(3))
+
+
 def has_compiled(since_s: float) -> bool:
     """Return whether any process may have compiled a kernel since a point of time [s since 1970]."""
     times_s = [file.stat().st_mtime for file in MACHINE_CODE.rglob("*.nbi")]

