@@ -89,9 +89,15 @@ class Sight:
             back = back + 2.0 * toward[:, None] * aimed[:, k, None, :]
             seen = turn @ (self._lidar_from_rtn[k] @ back)  # (run, 3, 3)
             at_m = -(position_m[:, k] + self._lever_m[k])
-            origin[:, k] = is_in_field(np.einsum("rij,rj->ri", seen, at_m), half_field)
-            points = np.einsum("rij,rpj->rpi", seen, at_m[:, None] + self._hull_m[:, k])
-            whole[:, k] = is_in_field(points, half_field).all(axis=1)
+            place_m = np.einsum("rij,rj->ri", seen, at_m)
+            origin[:, k] = is_in_field(place_m, half_field)
+            # A sphere about the origin holds the hull. Only where it crosses an edge of the field is the hull looked at.
+            depth_m = (half_field * place_m[:, 2:] - np.abs(place_m[:, :2])) / np.sqrt(1.0 + half_field**2)
+            radius_m = 1.001 * np.linalg.norm(self._hull_m[:, k], axis=1).max()  # beyond any rounding
+            whole[:, k] = np.all(depth_m > radius_m, axis=1)
+            crossed = np.flatnonzero(~whole[:, k] & np.all(depth_m > -radius_m, axis=1))
+            points = (at_m[crossed, None] + self._hull_m[:, k]) @ np.swapaxes(seen[crossed], 1, 2)
+            whole[crossed, k] = is_in_field(points, half_field).all(axis=1)
         return origin, whole
 
 
