@@ -1,4 +1,4 @@
-"""A link budget drawn: photons, detection, precision and pixels on the target against range."""
+"""A link budget drawn: photons, signal, detection, false alarms, precision and pixels on the target against range."""
 
 from __future__ import annotations
 
@@ -31,16 +31,17 @@ def budget_figure(
     filled_to_m: float = math.inf,
     small_print: Sequence[str] = (),
 ) -> Figure:
-    """Draw a link budget against range in four plots, with the greatest ranges of the wanted probability marked.
+    """Draw a link budget against range in six plots, with the greatest ranges of the wanted probability marked.
 
-    Precision is drawn where at least a hundredth of the returns are detected: of others there is none.
+    Precision is drawn where at least a hundredth of the returns are detected: of others there is none. Photons are drawn
+    broad where they saturate the pixel.
 
     Parameters
     ----------
     filled_to_m : range beyond which the target fills no pixel, and curves are drawn faintly [m]
     """
-    figure = figures.new_figure(11.0, 8.2, title, note, tuple(small_print))
-    (light, detection), (precision, pixels) = figure.subplots(2, 2, sharex=True)
+    figure = figures.new_figure(11.0, 11.0, title, note, tuple(small_print))
+    (light, signal), (detection, alarms), (precision, pixels) = figure.subplots(3, 2, sharex=True)
     for number, (name, curve) in enumerate(zip(names, curves, strict=True)):
         look = {
             "color": _COLOURS[number % len(_COLOURS)],
@@ -51,7 +52,16 @@ def budget_figure(
         reach = ": never" if np.isnan(curve.max_range_m) else f": {_format_length(curve.max_range_m)}{ends}"
         shown = np.where(curve.detection_probability >= 0.01, curve.range_precision_m / units.CM, np.nan)
         light.plot([], [], label=f"{name}{reach}", **look)
-        for axes, values in ((light, curve.photons), (detection, curve.detection_probability), (precision, shown)):
+        if np.any(curve.saturated):
+            broad = np.where(curve.saturated, curve.photons, np.nan)
+            light.plot(curve.range_m, broad, color=look["color"], lw=_BROAD_PT, alpha=_FAINT, solid_capstyle="butt")
+        alarms.plot(curve.range_m, curve.false_alarm_probability / units.PPM, **look)
+        for axes, values in (
+            (light, curve.photons),
+            (signal, np.where(np.isfinite(curve.snr), curve.snr, np.nan)),
+            (detection, curve.detection_probability),
+            (precision, shown),
+        ):
             if filled_to_m < curve.range_m[-1]:
                 axes.plot(curve.range_m, values, **look, alpha=_FAINT)
             near = curve.range_m <= filled_to_m
@@ -64,24 +74,30 @@ def budget_figure(
             for axes, values in ((light, curve.photons), (pixels, curve.pixels_on_target)):
                 height = np.exp(np.interp(at, np.log(curve.range_m), np.log(np.maximum(values, 1e-12))))
                 _mark(axes, curve.max_range_m, float(height), str(look["color"]))
-    first, last = min(curve.range_m[0] for curve in curves), max(curve.range_m[-1] for curve in curves)
-    if first < filled_to_m < last:
-        for axes in (light, detection, precision):
-            axes.axvline(filled_to_m, color=palette.QUIET, lw=figures.THIN_PT, ls=(0, (2, 3)), zorder=0)
     detection.axhline(probability, color=palette.RULE, lw=figures.THIN_PT, zorder=0)
-    _prepare_axes(light, "Photons on the pixel", "expected, after the optics")
+    saturates = any(np.any(curve.saturated) for curve in curves)
+    _prepare_axes(
+        light, "Photons on the pixel", f"expected, after the optics{'; broad: saturated' if saturates else ''}"
+    )
+    _prepare_axes(signal, "Signal over noise", "mean over 1 sigma of the signal chain")
     _prepare_axes(detection, "Probability of detection", f"marked: P = {probability:g}")
+    _prepare_axes(alarms, "Returns that a false alarm precedes", "per million, in the dark")
     _prepare_axes(precision, "Range precision [cm]", "1 sigma of detected returns")
     _prepare_axes(pixels, "Pixels on the target", "lit and in the field")
-    for axes in (light, precision, pixels):
-        _use_log_scale(axes)
+    for axes in (light, signal, precision, pixels):
+        _use_log_scale(axes, (1.0, 10.0))
+    _use_log_scale(alarms, (1.0, 1e6))
+    first, last = min(curve.range_m[0] for curve in curves), max(curve.range_m[-1] for curve in curves)
+    if first < filled_to_m < last:
+        for axes in (light, signal, detection, precision):
+            axes.axvline(filled_to_m, color=palette.QUIET, lw=figures.THIN_PT, ls=(0, (2, 3)), zorder=0)
     low, high = light.get_ylim()
     if high > 10.0 * _LOWEST_PHOTONS:
         light.set_ylim(max(_LOWEST_PHOTONS, low), high)
     detection.set_ylim(-0.02, 1.04)
-    for axes in (light, precision, pixels):
+    for axes in (light, signal, alarms, precision, pixels):
         figures.log_ticks(axes.yaxis, *axes.get_ylim())
-    for axes in (light, detection, precision, pixels):
+    for axes in (light, signal, detection, alarms, precision, pixels):
         figures.log_ticks(axes.xaxis, *axes.get_xlim())
     for axes in (precision, pixels):
         axes.set_xlabel("Range [m]", fontsize=figures.TEXT_PT, color=palette.QUIET)
@@ -119,6 +135,7 @@ def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -
 _ARMED = " (end of the armed window)"
 _FILLED = " (fills a pixel no farther)"
 _FAINT = 0.3
+_BROAD_PT = 7.0
 _LEAST_SPAN = 1.5  # least ratio of the ends of a log axis: a shorter axis would show rounding
 
 
@@ -129,11 +146,11 @@ def _prepare_axes(axes: Axes, title: str, note: str) -> None:
     axes.tick_params(labelbottom=True)
 
 
-def _use_log_scale(axes: Axes) -> None:
-    """Make the axis of values logarithmic; it spans one decade where no value is above 0."""
+def _use_log_scale(axes: Axes, empty: tuple[float, float]) -> None:
+    """Make the axis of values logarithmic; `empty` are its limits where no value is above 0."""
     values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()])
     if not np.any(values > 0.0):
-        axes.set_ylim(1.0, 10.0)
+        axes.set_ylim(*empty)
     axes.set_yscale("log")
     low, high = axes.get_ylim()
     if high < _LEAST_SPAN * low:

@@ -214,7 +214,7 @@ def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
         )
         greatest = max(greatest, half_field_rad / DEG)
     figures.style_axes(axes, y="Off boresight\n[deg]")
-    axes.set_ylim(-0.04 * greatest, 1.08 * greatest or 1.0)
+    axes.set_ylim(-0.04 * greatest, 1.5 * greatest or 1.0)  # so that half the field does not lie on 100 %
     share = _add_right_axis(axes, "Of its bounds,\nin the field [%]", palette.BLUE)
     share.plot(table["time_s"], 100.0 * table["in_field_fraction"], color=palette.BLUE, lw=figures.LINE_PT)
     share.set_ylim(-4, 108)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
 
 GAP = 4  # pixels between the two panels of a pair
+_SHORTEST_BAR, _SMALLEST_LETTERS = 40, 9  # of a legend [pixels]
 
 
 @cache
@@ -207,13 +208,16 @@ def draw_legend(
     ----------
     x, y : upper left corner [pixels]
     width : most pixels that the row may take
-    size : of the letters [pixels]
+    size : of the letters [pixels], smaller where the row is short
     """
     rows = ((scale.range_words, RANGE_RAMP), (scale.intensity_words, INTENSITY_RAMP))
     texts = [draw.textlength("".join(words), font=load_font(size)) for words, _ in rows]
     swatch = draw.textlength("no return", font=load_font(size)) + size + 8
     room = width - sum(texts) - swatch - 2 * 26 - 2 * 24
-    long = int(min(max(room // 2, 60), 200))
+    if room < 2 * _SHORTEST_BAR and size > _SMALLEST_LETTERS:
+        draw_legend(draw, x, y, scale, width, size - 1, scheme)
+        return
+    long = int(min(max(room // 2, _SHORTEST_BAR), 200))
     here = x
     for (title, low, high), name in rows:
         here = draw_text(draw, here, y, title, size, scheme.ink) + 10

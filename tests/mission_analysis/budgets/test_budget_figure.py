@@ -50,7 +50,7 @@ def test_curves_marks_and_names():
     figure = budget_figure(
         [line(700.0), line(5000.0, armed=True)], ["near", "far"], "Budget", "note", 0.95, small_print=("armed",)
     )
-    assert drawn(figure) == ([2, 2, 2, 2], [2, 2, 0, 2])
+    assert drawn(figure) == ([2] * 6, [2, 0, 2, 0, 0, 2])
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == ["near: 700 m", "far: 5 km (end of the armed window)"]
     figure.canvas.draw()
@@ -58,7 +58,7 @@ def test_curves_marks_and_names():
 
 def test_a_curve_that_is_never_seen_is_drawn_without_a_mark():
     figure = budget_figure([line(float("nan"), photons=0.0), line(9000.0)], ["dark", "outside"], "Budget", "", 0.5)
-    assert drawn(figure)[1] == [0, 0, 0, 0]
+    assert drawn(figure)[1] == [0] * 6
     assert figure.legends[0].get_texts()[0].get_text() == "dark: never"
     figure.canvas.draw()
 
@@ -66,7 +66,7 @@ def test_a_curve_that_is_never_seen_is_drawn_without_a_mark():
 def test_nothing_to_see_is_drawn_all_the_same():
     figure = budget_figure([line(float("nan"), photons=0.0)], ["dark"], "Budget", "", 0.5)
     figure.canvas.draw()
-    assert drawn(figure) == ([1, 1, 1, 1], [0, 0, 0, 0])
+    assert drawn(figure) == ([1] * 6, [0] * 6)
 
 
 @pytest.mark.parametrize("count", [1, 5, 12])
