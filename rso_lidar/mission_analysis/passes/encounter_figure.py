@@ -61,8 +61,10 @@ def encounter_figure(
     labels = [label for label, kept in zip(labels, apart, strict=True) if kept]
     slow = float(np.max(speed_m_s, initial=0.0)) < units.KM  # formations fly at metres a second
     range_km, speed = range_m / units.KM, speed_m_s / (1.0 if slow else units.KM)
-    nearest_km = float(range_km.min(initial=within_m / units.KM))
-    spread = bool(nearest_km * units.KM < 0.03 * within_m)
+    within_km = within_m / units.KM
+    reach_km = reach_m / units.KM if reach_m is not None and reach_m < within_m else 0.0
+    nearest_km, farthest_km = float(range_km.min(initial=within_km)), float(range_km.max(initial=reach_km)) or within_km
+    spread = nearest_km < 0.03 * farthest_km
     lowest, highest = (float(speed.min()), float(speed.max())) if len(speed) else (0.0, 1.0)
     drawn = None
     for lit, marker, rim in ((True, "o", palette.PAPER), (False, "s", palette.INK)):
@@ -81,11 +83,11 @@ def encounter_figure(
             zorder=3,
         )
     busy: list[Artist] = []  # artists that names must not cover
-    if reach_m is not None and reach_m < within_m:
-        line = axes.axhline(reach_m / units.KM, color=palette.MARK, lw=figures.LINE_PT, ls="--", zorder=2)
+    if reach_km:
+        line = axes.axhline(reach_km, color=palette.MARK, lw=figures.LINE_PT, ls="--", zorder=2)
         label = axes.annotate(
-            f"lidar sees 1 m² to {reach_m / units.KM:.3g} km",
-            (1.0, reach_m / units.KM),
+            f"lidar sees 1 m² to {reach_km:.3g} km",
+            (1.0, reach_km),
             xycoords=("axes fraction", "data"),
             xytext=(-2, 4),
             textcoords="offset points",
@@ -98,9 +100,9 @@ def encounter_figure(
     if spread:
         axes.set_yscale("log")
         bottom = max(nearest_km, 1e-4)
-        axes.set_ylim(0.6 * (min(bottom, reach_m / units.KM) if reach_m else bottom), 1.1 * within_m / units.KM)
+        axes.set_ylim(0.6 * (min(bottom, reach_km) if reach_km else bottom), min(1.6 * farthest_km, 1.1 * within_km))
     else:
-        axes.set_ylim(0.0, 1.03 * within_m / units.KM)
+        axes.set_ylim(0.0, min(1.12 * farthest_km, 1.03 * within_km))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.6g}"))
     locator = AutoDateLocator()  # type: ignore[no-untyped-call]
     axes.xaxis.set_major_locator(locator)
