@@ -73,6 +73,48 @@ def test_least_delta_v_between_circles_is_that_of_hohmann(tmp_path):
     assert plan.values[4] == pytest.approx(np.pi * np.sqrt(middle_km**3 / EARTH_GM_KM3_S2), abs=1.0)
 
 
+@pytest.mark.slow
+def test_three_impulses_over_a_far_apogee_cost_what_the_bielliptic_transfer_says_and_less_than_hohmann(tmp_path):
+    """From 6,978 km to 16 times that: above a ratio of 15.58 any apogee beyond the goal costs less than Hohmann."""
+    high_km, far_km = 16.0 * RADIUS_KM, 32.0 * RADIUS_KM
+    up_km, down_km = (RADIUS_KM + far_km) / 2.0, (high_km + far_km) / 2.0
+
+    def speed_m_s(radius_km, semi_major_axis_km):
+        return 1e3 * np.sqrt(EARTH_GM_KM3_S2 * (2.0 / radius_km - 1.0 / semi_major_axis_km))
+
+    pushes_m_s = (
+        speed_m_s(RADIUS_KM, up_km) - speed_m_s(RADIUS_KM, RADIUS_KM),
+        speed_m_s(far_km, down_km) - speed_m_s(far_km, up_km),
+        speed_m_s(high_km, high_km) - speed_m_s(high_km, down_km),
+    )
+    half_turns_s = np.pi * np.sqrt(np.array([up_km, down_km]) ** 3 / EARTH_GM_KM3_S2)
+    apogee_s, end_s = np.cumsum(half_turns_s)
+    motion = f'type = "numerical"\ninitial = {circle(anomaly_deg=0)}\nforces = {{ zonal_degree = 0 }}'
+    pushes = [
+        (at_s, (0.0, round(float(push)), 0.0), "rtn")
+        for at_s, push in zip((0.0, round(apogee_s) + 60.0, round(end_s) - 60.0), pushes_m_s, strict=True)
+    ]
+    variables = "".join(variable(f"{k}.delta_v_m_s.1", -4000, 4000) for k in range(3))
+    variables += variable("1.at_s", 0.9 * apogee_s, 1.1 * apogee_s) + variable("2.at_s", 0.9 * end_s, 1.05 * end_s)
+    goals = "".join(
+        f'[[goal]]\nquantity = "{name}"\nequals = {value}\nat_s = "follower.motion.maneuvers.{k}.at_s"\n'
+        for k, name, value in (
+            (1, "radius_km", far_km),
+            (1, "flight_path_angle_deg", 0.0),
+            (2, "radius_km", high_km),
+            (2, "flight_path_angle_deg", 0.0),
+            (2, "semi_major_axis_km", high_km),
+        )
+    )
+    plan = solve_targeter(write(tmp_path, scenario(circle(high_km), motion, pushes, 1.1 * end_s), variables + goals))
+    # The tolerances of the goals, 1 m and 0.01 deg, are worth 0.0002 m/s or less.
+    assert np.allclose(plan.values[:3], pushes_m_s, rtol=0.0, atol=1e-3)
+    hohmann_km = (RADIUS_KM + high_km) / 2.0
+    hohmann_m_s = speed_m_s(RADIUS_KM, hohmann_km) - speed_m_s(RADIUS_KM, RADIUS_KM)
+    hohmann_m_s += speed_m_s(high_km, high_km) - speed_m_s(high_km, hohmann_km)
+    assert np.sum(np.abs(plan.values[:3])) < hohmann_m_s - 1.0
+
+
 def test_an_arc_of_given_time_is_that_of_lambert(tmp_path):
     # Vallado, Fundamentals of Astrodynamics and Applications, example 7-5: 76 minutes between two places.
     first_km, second_km, time_s = (15945.34, 0.0, 0.0), (12214.83899, 10249.46731, 0.0), 4560.0
