@@ -353,9 +353,16 @@ def full_disks(tmp_path_factory):
     return folder, {int(limit): line for limit, line in said.items()}
 
 
+@pytest.fixture(scope="module")
+def whole_run(tmp_path_factory):
+    """Return the datasets of the run on a disk that is large enough."""
+    frames = make_frames(60, shape=(40, 40), lit=1.0)
+    return datasets(export.save(tmp_path_factory.mktemp("whole") / "whole.h5", frames))
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="file-size limits are POSIX")
 @pytest.mark.parametrize("limit", LIMITS)
-def test_a_full_disk_keeps_whole_frames_and_says_so(full_disks, limit):
+def test_a_full_disk_keeps_whole_frames_and_says_so(full_disks, limit, whole_run):
     folder, said = full_disks[0] / str(limit), full_disks[1]
     output, line = folder / "run.h5", said[limit]
     assert not output.exists()
@@ -374,8 +381,7 @@ def test_a_full_disk_keeps_whole_frames_and_says_so(full_disks, limit):
         assert recorder.written == written
         for k in range(written, 60):
             recorder.write(make_frame(k, shape=(40, 40), lit=1.0))
-    whole = export.save(folder / "whole.h5", make_frames(60, shape=(40, 40), lit=1.0))
-    assert datasets(output) == datasets(whole)
+    assert datasets(output) == whole_run
 
 
 def test_a_failed_write_in_this_process_is_a_run_error(tmp_path, monkeypatch):
