@@ -10,6 +10,7 @@ from tests.house.sources import parse
 from tests.ledger import __main__ as command
 from tests.ledger.assumed_defaults import list_assumed_defaults
 from tests.ledger.capabilities import (
+    Evidence,
     LedgerError,
     build_ledger,
     load_capabilities,
@@ -65,7 +66,7 @@ def test_evidence_names_tests_that_there_are():
         for capability in load_capabilities()
         for each in capability.evidence
         for glob in each.tests
-        if not any(each.__class__(each.kind, each.against, (glob,)).matches(name) for name in tests)
+        if not any(map(Evidence(each.kind, each.against, (glob,)).matches, tests))
     ]
     assert not stale
     assert all("::" in name or (ROOT / name).is_file() for name in outside_tests(load_capabilities()))
