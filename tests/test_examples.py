@@ -3,6 +3,7 @@
 import hashlib
 import runpy
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 NAMES = sorted(file.stem for file in (ROOT / "examples").glob("*.toml"))
 
 
+@cache  # with its meshes
 def load(name):
     return rl.Scenario.load(ROOT / "examples" / f"{name}.toml", trust_code=True)
 

@@ -21,6 +21,7 @@ from rso_lidar.errors import RunError, ScenarioError, warn
 from rso_lidar.mission_analysis import find_range
 from rso_lidar.processes import Processes, send_function
 from rso_lidar.study import Requirements
+from tests.settings_for_tests import limit_pixels
 from tests.study.trades.trade_for_tests import folder_with
 from tests.study.verification.requirements_for_tests import FILE
 
@@ -33,8 +34,14 @@ def sent_to_processes(count, function):
 
 @pytest.fixture(scope="module")
 def scenario():
-    settings = ("lidar.receiver.n_rows=32", "lidar.receiver.n_cols=32", "time.frame_rate_hz=0.01")
-    return rl.Scenario.load("examples/tdrs_approach.toml", settings)
+    return rl.Scenario.load("examples/tdrs_approach.toml", (*limit_pixels(16), "time.frame_rate_hz=0.01"))
+
+
+@pytest.fixture(scope="module")
+def worker():
+    """Return one process for the tests that leave it as it is: each start takes a second."""
+    with Processes(1) as process:
+        yield process
 
 
 class Stubborn:
@@ -65,8 +72,8 @@ class Restless(Stubborn):
         raise ValueError("not to be restored")
 
 
-def test_an_object_that_cannot_be_restored_is_told():
-    with sent_to_processes(1, Restless().states) as sent:
+def test_an_object_that_cannot_be_restored_is_told(worker):
+    with send_function(Restless().states, worker) as sent:
         future = sent.submit(None)
         with pytest.raises(
             ScenarioError, match=r"cannot be rebuilt in another process \(ValueError: not to be restored\)"
@@ -91,8 +98,8 @@ def raise_odd():
     raise OddError("one", "two")
 
 
-def test_an_exception_that_cannot_be_restored_is_told():
-    with sent_to_processes(1, raise_odd) as sent:
+def test_an_exception_that_cannot_be_restored_is_told(worker):
+    with send_function(raise_odd, worker) as sent:
         future = sent.submit()
         with pytest.raises(RunError, match=r"workers: a call raised OddError: one; leave out workers to see where"):
             sent.result(future)
@@ -139,15 +146,22 @@ def call_pickled(sent):
 
 @pytest.fixture(scope="module")
 def alone(scenario):
-    return list(rl.simulate(scenario, threads=1, frames=range(20, 27), keep=("photons", "waveforms")))
+    return list(rl.simulate(scenario, threads=1, frames=range(20, 24), keep=("photons", "waveforms")))
 
 
-@pytest.mark.parametrize("engine", [lambda: Processes(2), lambda: ThreadPoolExecutor(2), Elsewhere])
-def test_any_executor_makes_the_same_frames_as_one_thread(scenario, alone, engine):
-    with engine() as executor:
-        chosen = {"frames": range(20, 27), "keep": ("photons", "waveforms")}
-        found = list(rl.simulate(scenario, executor=executor, **chosen))
-    assert [frame.index for frame in found] == list(range(20, 27))
+@pytest.fixture(params=["process", "threads", "pickled"])
+def executor(request, worker):
+    if request.param == "process":
+        yield worker
+        return
+    with ThreadPoolExecutor(2) if request.param == "threads" else Elsewhere() as pool:
+        yield pool
+
+
+def test_any_executor_makes_the_same_frames_as_one_thread(scenario, alone, executor):
+    chosen = {"frames": range(20, 24), "keep": ("photons", "waveforms")}
+    found = list(rl.simulate(scenario, executor=executor, **chosen))
+    assert [frame.index for frame in found] == list(range(20, 24))
     for one, other in zip(alone, found, strict=True):
         assert one.range_m.tobytes() == other.range_m.tobytes()
         assert one.intensity_counts.tobytes() == other.intensity_counts.tobytes()
@@ -169,13 +183,13 @@ def test_at_most_two_frames_for_each_worker_wait(scenario):
 FAST = rl.Lidar(
     preset="gsfl_1064",
     detector=rl.Empirical(),
-    receiver={"fov_deg": 0.625, "n_rows": 32, "n_cols": 32, "rays_per_pixel": 100},
+    receiver={"fov_deg": 0.625, "n_rows": 32, "n_cols": 32, "rays_per_pixel": 25},
 )
 
 
 def find_a_cubesat(_folder, _text, executor):
     """Beyond the range at which it is found with the wanted probability: no attitude is turned, which takes longest."""
-    return find_range(FAST, "cubesat_3u", attitudes=12, range_m=(1300.0, 1500.0), executor=executor)
+    return find_range(FAST, "cubesat_3u", attitudes=6, range_m=(1300.0, 1500.0), executor=executor)
 
 
 def make_a_timeline(_folder, text, executor):
@@ -257,8 +271,8 @@ def fails(scenario_error):
     os._exit(3)
 
 
-def test_an_error_in_a_worker_comes_back_as_it_is():
-    with sent_to_processes(1, fails) as sent, pytest.raises(ScenarioError, match=r"^tdrs: gone; look elsewhere$"):
+def test_an_error_in_a_worker_comes_back_as_it_is(worker):
+    with send_function(fails, worker) as sent, pytest.raises(ScenarioError, match=r"^tdrs: gone; look elsewhere$"):
         sent.result(sent.submit(True))
 
 
@@ -271,10 +285,11 @@ def test_a_worker_that_dies_is_told_in_one_line():
 
 
 def test_leaving_early_ends_the_workers(scenario):
-    frames = rl.simulate(scenario, workers=2)
+    before = set(_children(os.getpid()))
+    frames = rl.simulate(scenario, workers=1)
     next(frames)
     frames.close()  # returns once they have ended
-    assert not [child for child in _children(os.getpid()) if "spawn_main" in _command(child)]
+    assert not [child for child in set(_children(os.getpid())) - before if "spawn_main" in _command(child)]
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="looks for processes in /proc")

@@ -8,6 +8,13 @@ from rso_lidar.fmi.run import HostProcess
 from rso_lidar.motion.dynamics import fmu_history
 
 
+@pytest.fixture(scope="module", autouse=True)
+def only_young_garbage():
+    """Let searches for garbage skip what earlier tests left: late in a session each would take a second."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True)
 def hosts(monkeypatch):
     """Let no process of an FMU outlive its test: neither one that is cached, nor one that an error's traceback holds."""

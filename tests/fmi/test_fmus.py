@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.cli import main
 from rso_lidar.cli.truth import truth
 from rso_lidar.errors import ScenarioError
 from rso_lidar.fmi import host, run
@@ -359,12 +360,13 @@ def test_the_processes_of_fmus_end_with_a_process_that_is_killed(drive_file, tmp
     assert len(hosts) == 2 and not left
 
 
-def test_the_command_line_says_it_in_one_line(built_in, drive_file, tmp_path):
+def test_the_command_line_says_it_in_one_line(built_in, drive_file, tmp_path, capsys):
     scenario = with_drive(built_in, describe_drive(drive_file))
     file = tmp_path / "s.toml"
     file.write_text(scenario.source.scenario)
-    command = [sys.executable, "-m", "rso_lidar", "check", str(file)]
-    refused = subprocess.run(command, capture_output=True, text=True, env=os.environ)
-    assert refused.returncode == 2 and refused.stderr.count("\n") == 1 and "--trust-fmu" in refused.stderr
+    with pytest.raises(SystemExit) as refused:
+        main(["check", str(file)])
+    printed = capsys.readouterr().err
+    assert refused.value.code == 2 and printed.count("\n") == 1 and "--trust-fmu" in printed
     truth(file, tmp_path / "truth.csv", trust_fmu=True)
     assert (tmp_path / "truth.csv").read_text().count("\n") > 6

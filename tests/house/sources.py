@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 @cache
 def parse(*folders: str) -> dict[str, ast.Module]:
     """Return the syntax trees of the Python files in folders of the project, by path from its root."""
-    with _without_garbage_collection():
+    with without_garbage_collection():
         return {
             file.relative_to(ROOT).as_posix(): _tree(file)
             for folder in folders
@@ -22,7 +22,7 @@ def parse(*folders: str) -> dict[str, ast.Module]:
 
 
 @contextmanager
-def _without_garbage_collection() -> Iterator[None]:
+def without_garbage_collection() -> Iterator[None]:
     """Keep the garbage collector from searching millions of nodes, while they are made and for the rest of the session.
 
     One full collection would take 2 s, and tests that ask for one later in the session, such as NiceGUI's, ask for dozens.

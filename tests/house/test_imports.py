@@ -9,8 +9,22 @@ from pathlib import Path
 
 import pytest
 
+from tests.house.sources import parse
+
 ROOT = Path(__file__).resolve().parents[2]
-HEAVY = ["trimesh", "embreex", "skyfield", "sgp4", "h5py", "matplotlib", "PIL", "rerun", "typer", "rich"]
+HEAVY = [
+    "trimesh",
+    "embreex",
+    "skyfield",
+    "sgp4",
+    "h5py",
+    "matplotlib",
+    "PIL",
+    "imageio_ffmpeg",
+    "rerun",
+    "typer",
+    "rich",
+]
 AT_HOME = {"rso_lidar.cli": {"typer", "rich"}, "rso_lidar.__main__": {"typer", "rich"}}  # nothing imports these
 
 
@@ -49,7 +63,7 @@ def each():
 
 def imported(file):
     """Return the modules of the package that a module imports while it is imported itself, with the doors on the way."""
-    found, waiting = set(), [ast.parse(file.read_text(encoding="utf-8"))]
+    found, waiting = set(), [parse("rso_lidar")[file.relative_to(ROOT).as_posix()]]
     while waiting:
         node = waiting.pop()
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.house.sources import parse, walk
 from tests.ledger import pages
 from tests.ledger.capabilities import build_ledger, is_test, load_capabilities, test_names
 from tests.ledger.results import COMMITTED, Results, Row, TestResult, load_results
@@ -147,10 +148,10 @@ def test_committed_results_are_renewed_test_by_test():
 def test_each_number_of_physics_and_peers_has_a_source():
     """A test that compares a number calls `validation` with a case and a source, by name."""
     bare = []
-    for file in [*(ROOT / "tests" / "physics").glob("test_*.py"), *(ROOT / "tests" / "peers").glob("test_*.py")]:
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for file, tree in parse("tests/physics", "tests/peers").items():
+        for node in walk(tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "validation":
                 keys = {keyword.arg for keyword in node.keywords}
                 if None not in keys and not {"case", "source"} <= keys:
-                    bare.append(f"{file.name}:{node.lineno}")
+                    bare.append(f"{file}:{node.lineno}")
     assert not bare

@@ -7,6 +7,7 @@ the results of the tests: nothing is called validated for which no comparison ra
 import ast
 import fnmatch
 import functools
+import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,10 +36,12 @@ class Evidence:
 
     def matches(self, test):
         """Return whether a test, by pytest's name, belongs to this evidence."""
-        name = test.partition("[")[0]
-        return any(
-            fnmatch.fnmatchcase(name, f"tests/{glob}" if "::" in glob else f"tests/{glob}::*") for glob in self.tests
-        )
+        return self._pattern.match(test.partition("[")[0]) is not None
+
+    @functools.cached_property
+    def _pattern(self):
+        globs = [f"tests/{glob}" if "::" in glob else f"tests/{glob}::*" for glob in self.tests]
+        return re.compile("|".join(map(fnmatch.translate, globs)))
 
     def covers(self, row):
         return any(fnmatch.fnmatchcase(row.case, glob) for glob in self.cases)

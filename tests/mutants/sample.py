@@ -85,6 +85,9 @@ class _Source:
     def __init__(self, source: bytes) -> None:
         self.bytes = source
         self.starts = [0, *accumulate(len(line) for line in source.splitlines(keepends=True))]
+        self.tree = ast.parse(source)
+        firsts = [min(part.lineno for part in (node, *getattr(node, "decorator_list", ()))) for node in self.tree.body]
+        self.firsts = [self.starts[line - 1] for line in firsts]  # bytes at which the statements of the module begin
 
     def span(self, node: ast.expr) -> tuple[int, int]:
         """Return the first byte of a node and the one behind its last."""
@@ -302,13 +305,14 @@ class _Line:
         edits = sorted(
             self.edits, key=lambda e: (_rank(*self.where, e.kind), _rank(*self.where, e.start - start, e.new))
         )
-        return next((edit for edit in edits if _is_change(self.source.bytes, edit)), None)
+        return next((edit for edit in edits if _is_change(self.source, edit)), None)
 
 
 def _lines_of(file: str) -> Iterator[_Line]:
     source = _Source((ROOT / file).read_bytes())
     finder = _Finder(source)
-    finder.visit(ast.parse(source.bytes))
+    finder.visit(source.tree)
+    del source.tree  # trees of the whole package would fill the memory
     lines: dict[tuple[int, str], list[Edit]] = {}
     for name, edit in finder.edits:
         lines.setdefault((source.line(edit.start), name), []).append(edit)
@@ -319,11 +323,14 @@ def _lines_of(file: str) -> Iterator[_Line]:
         yield _Line(file, name, index, source, (file, name, text, seen[name, text]), edits)
 
 
-def _is_change(source: bytes, edit: Edit) -> bool:
-    """Return whether Python reads something else with an edit."""
-    changed = source[: edit.start] + edit.new.encode() + source[edit.end :]
+def _is_change(source: _Source, edit: Edit) -> bool:
+    """Return whether Python reads something else with an edit, in the statement of the module that holds it."""
+    number = bisect_right(source.firsts, edit.start)
+    start, end = source.firsts[number - 1], [*source.firsts, len(source.bytes)][number]
+    before = source.bytes[start:end]
+    after = before[: edit.start - start] + edit.new.encode() + before[edit.end - start :]
     try:
-        return ast.dump(ast.parse(changed)) != ast.dump(ast.parse(source))
+        return ast.dump(ast.parse(after)) != ast.dump(ast.parse(before))
     except SyntaxError:
         return False
 

@@ -100,9 +100,6 @@ def test_dumps_is_loaded_again(text):
 
 
 class TestAdvice:
-    def test_a_sound_scenario_gets_none(self):
-        assert rl.Scenario.load("examples/tdrs_approach.toml").advice() == []
-
     @pytest.mark.parametrize(
         ("settings", "words"),
         [
@@ -121,6 +118,7 @@ class TestAdvice:
         ],
     )
     def test_what_is_probably_not_meant(self, settings, words):
+        settings = ("time.frame_rate_hz=0.02", *settings)
         lines = rl.Scenario.load("examples/tdrs_approach.toml", settings).advice()
         assert any(words in line for line in lines), lines
 

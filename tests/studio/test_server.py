@@ -15,6 +15,17 @@ from tests.studio.conftest import serve_studio
 FREE = NetworkAddress("127.0.0.1", 0)
 
 
+@pytest.fixture(scope="module")
+def ended(studio, tmp_path_factory):
+    """Return a second studio, open to other machines, after its end."""
+    with serve_studio(tmp_path_factory.mktemp("ended"), "--at", "0.0.0.0:0") as served:
+        pass
+    return served
+
+
+NEEDS_POSIX = pytest.mark.skipif(os.name != "posix", reason="Windows asks for leave to open a server to other machines")
+
+
 def test_it_prints_folder_and_address_with_a_long_token(studio):
     assert studio.lines[0].split(maxsplit=1) == ["studio", str(studio.folder)]
     assert studio.url.startswith(f"http://127.0.0.1:{studio.port}/?token=")
@@ -30,21 +41,19 @@ def test_it_listens_on_one_address_only(studio):
     assert "ConnectionRefusedError" in done.stderr
 
 
-def test_each_studio_has_a_token_of_its_own(studio, tmp_path):
-    with serve_studio(tmp_path) as other:
-        assert other.token != studio.token and other.port != studio.port
+@NEEDS_POSIX
+def test_each_studio_has_a_token_of_its_own(studio, ended):
+    assert ended.token != studio.token and ended.port != studio.port
 
 
-def test_it_writes_nothing_into_its_folder(tmp_path):
-    with serve_studio(tmp_path):
-        pass
-    assert not list(tmp_path.iterdir())
+@NEEDS_POSIX
+def test_it_writes_nothing_into_its_folder(ended):
+    assert not list(ended.folder.iterdir())
 
 
-@pytest.mark.skipif(os.name != "posix", reason="Windows asks for leave to open a server to other machines")
-def test_an_address_that_others_reach_is_told_with_a_warning(tmp_path):
-    with serve_studio(tmp_path, "--at", "0.0.0.0:0") as served:
-        (warning,) = [line for line in served.lines if line.startswith("warning")]
+@NEEDS_POSIX
+def test_an_address_that_others_reach_is_told_with_a_warning(ended):
+    (warning,) = [line for line in ended.lines if line.startswith("warning")]
     assert "other machines can reach it" in warning and "token" in warning
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -63,6 +64,21 @@ def find_photons(detector: AnyDetector, pulse: LaserPulse, probability: np.ndarr
     pulse.
     """
     wanted = np.atleast_1d(np.asarray(probability, dtype=float))
+    if not isinstance(detector, Gsfl):
+        return _search_photons(detector, pulse, wanted)
+    photons = _find_photons_gsfl(detector, pulse, tuple(wanted.tolist()))
+    return None if photons is None else np.array(photons)
+
+
+@lru_cache(maxsize=64)
+def _find_photons_gsfl(gsfl: Gsfl, pulse: LaserPulse, probability: tuple[float, ...]) -> tuple[float, ...] | None:
+    """Find the photons of the full chain, which takes most of the time of a description, once for equal settings."""
+    photons = _search_photons(gsfl, pulse, np.array(probability))
+    return None if photons is None else tuple(photons.tolist())
+
+
+def _search_photons(detector: AnyDetector, pulse: LaserPulse, wanted: np.ndarray) -> np.ndarray | None:
+    """Find the photons of given probabilities (case) by narrowing an interval in equal ratios."""
     start = detector.traits.threshold_photons
     start = start if 0.0 < start < math.inf else 1.0
     low, high = np.full(len(wanted), start / _FARTHEST_LIGHT), np.full(len(wanted), start * _FARTHEST_LIGHT)

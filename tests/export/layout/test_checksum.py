@@ -94,7 +94,7 @@ def numbers(path):
 def test_a_flip_anywhere_is_told_or_changes_nothing(tmp_path, state):
     """A killed writer's file is read with SWMR, whose default is to wait for ever where a checksum is wrong.
 
-    Two frames of few pixels, so that most of the file is metadata: 60 flips hit object headers, chunk indices, heaps,
+    Two frames of few pixels, so that most of the file is metadata: 40 flips hit object headers, chunk indices, heaps,
     the superblock and data. Without a limit on read attempts a fifth of them never returned.
     """
     with export.Recorder(tmp_path / "run.h5", SOURCE, run_id=RUN) as recorder:
@@ -111,7 +111,7 @@ def test_a_flip_anywhere_is_told_or_changes_nothing(tmp_path, state):
     before = numbers(path)
     rng = np.random.default_rng(14)
     said: list[str] = []
-    for bit in [*rng.integers(0, 8 * 48, 6).tolist(), *rng.integers(0, 8 * len(data), 54).tolist()]:
+    for bit in [*rng.integers(0, 8 * 48, 4).tolist(), *rng.integers(0, 8 * len(data), 36).tolist()]:
         flipped = bytearray(data)
         flipped[bit // 8] ^= 1 << bit % 8
         path.write_bytes(flipped)
@@ -119,7 +119,7 @@ def test_a_flip_anywhere_is_told_or_changes_nothing(tmp_path, state):
             assert numbers(path) == before, bit
         except RecordingError as error:
             said.append(str(error))
-    assert len(said) > 30
+    assert len(said) > 20
     assert all(path.name in line and "\n" not in line for line in said)
 
 

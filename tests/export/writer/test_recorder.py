@@ -144,21 +144,21 @@ def test_an_exception_after_some_frames_says_where_they_are(tmp_path):
 
 
 def test_exception_keeps_the_temporary_file_and_resume_goes_on(tmp_path):
-    whole = export.save(tmp_path / "whole.h5", make_frames(160, shape=(6, 5)))
+    whole = export.save(tmp_path / "whole.h5", make_frames(12, shape=(6, 5)))
     output = tmp_path / "run.h5"
-    leave_unfinished(output, make_frames(140, shape=(6, 5)), RUN)  # more than one chunk of small vectors
+    leave_unfinished(output, make_frames(9, shape=(6, 5)), RUN)
     assert not output.exists()
     left = tmp_path / f"run.h5.tmp-{RUN}"
     with export.open(left) as recording:
-        assert len(recording) == 140
+        assert len(recording) == 9
         assert not recording.complete
     with h5py.File(left) as plain:  # closed properly: no need of swmr
-        assert plain["time"].shape == (140,)
+        assert plain["time"].shape == (9,)
 
     (tmp_path / "run.h5.tmp-00000000").write_text("another run's")
     with export.Recorder(output, SOURCE, run_id=RUN, resume=True) as recorder:
-        assert recorder.written == 140
-        for k in range(recorder.written, 160):
+        assert recorder.written == 9
+        for k in range(recorder.written, 12):
             recorder.write(make_frame(k, shape=(6, 5)))
     assert datasets(output) == datasets(whole)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.h5", "run.h5.tmp-00000000", "whole.h5"]
@@ -353,9 +353,16 @@ def full_disks(tmp_path_factory):
     return folder, {int(limit): line for limit, line in said.items()}
 
 
+@pytest.fixture(scope="module")
+def whole_run(tmp_path_factory):
+    """Return the datasets of the run on a disk that is large enough."""
+    frames = make_frames(60, shape=(40, 40), lit=1.0)
+    return datasets(export.save(tmp_path_factory.mktemp("whole") / "whole.h5", frames))
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="file-size limits are POSIX")
 @pytest.mark.parametrize("limit", LIMITS)
-def test_a_full_disk_keeps_whole_frames_and_says_so(full_disks, limit):
+def test_a_full_disk_keeps_whole_frames_and_says_so(full_disks, limit, whole_run):
     folder, said = full_disks[0] / str(limit), full_disks[1]
     output, line = folder / "run.h5", said[limit]
     assert not output.exists()
@@ -374,8 +381,7 @@ def test_a_full_disk_keeps_whole_frames_and_says_so(full_disks, limit):
         assert recorder.written == written
         for k in range(written, 60):
             recorder.write(make_frame(k, shape=(40, 40), lit=1.0))
-    whole = export.save(folder / "whole.h5", make_frames(60, shape=(40, 40), lit=1.0))
-    assert datasets(output) == datasets(whole)
+    assert datasets(output) == whole_run
 
 
 def test_a_failed_write_in_this_process_is_a_run_error(tmp_path, monkeypatch):

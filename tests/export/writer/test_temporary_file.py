@@ -83,8 +83,14 @@ MEDDLING = [
 ]
 
 
-@pytest.mark.parametrize("at", [2, COUNT], ids=["in the middle", "at the end"])
-@pytest.mark.parametrize("meddle", MEDDLING, ids=lambda meddle: meddle.__name__)
+@pytest.mark.parametrize(
+    ("meddle", "at"),
+    [
+        *((meddle, 2) for meddle in MEDDLING),
+        *((meddle, COUNT) for meddle in (move_folder, remove, replace_by_recording)),
+    ],
+    ids=lambda value: {2: "in the middle", COUNT: "at the end"}.get(value) or value.__name__,
+)
 def test_frames_of_a_file_that_is_moved_or_replaced_are_kept(tmp_path, unbroken, meddle, at):
     output = tmp_path / "out" / "run.h5"
     output.parent.mkdir()

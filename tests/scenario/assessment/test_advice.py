@@ -53,7 +53,7 @@ class TestGate:
 
     def test_one_that_is_planned_to_stay_with_it(self):
         """Two kilometres of approach: a gate of 40 m about the target's middle holds its 21 m all the way."""
-        approach = ('lidar.detector={type="gsfl", gate={delay_ns=19880, width_ns=267}}', "time.frame_rate_hz=0.02")
+        approach = ('lidar.detector={type="gsfl", gate={delay_ns=19880, width_ns=267}}', "time.frame_rate_hz=0.01")
         path = "examples/tdrs_approach.toml"
         still = rl.Scenario.load(path, approach)
         assert any("the range gate" in line and "misses it" in line for line in still.advice())

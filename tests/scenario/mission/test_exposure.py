@@ -140,7 +140,7 @@ def test_the_number_of_epochs():
         ([0.3, 0, 0], 5),
         ([0, 50 * PIXEL_M, 0], PULSES),
     ):
-        scenario = scene(moving([RANGE_M, 0, 0], np.array(velocity) / EXPOSURE_S), scale=0.1)
+        scenario = scene(moving([RANGE_M, 0, 0], np.array(velocity) / EXPOSURE_S), scale=0.1, rays=1)
         frame = next(rl.simulate(scenario))
         count = len(frame.truth.cast_epochs)
         assert count == least, velocity
@@ -148,7 +148,7 @@ def test_the_number_of_epochs():
 
 def test_many_pulses_are_cast_at_64_epochs_at_most():
     gate = {"type": "gsfl", "gate": {"delay_ns": 620, "width_ns": 96, "pulses": 1000}}
-    scenario = scene(moving([RANGE_M, 0, 0], [0, 300, 0]), detector=gate, rate_hz=1e4)
+    scenario = scene(moving([RANGE_M, 0, 0], [0, 300, 0]), detector=gate, rate_hz=1e4, rays=1)
     exposure = scenario.exposure
     assert 60 <= len(next(rl.simulate(scenario)).truth.cast_epochs) <= 64
     assert exposure.offsets_s(64)[0] == pytest.approx(-0.5 * exposure.length_s + 0.5 * 15 / 1e4)
