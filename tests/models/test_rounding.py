@@ -43,9 +43,8 @@ def apart(made, file):
     return max(worst.values())
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_inputs_moved_by_1e_12_move_no_vertex(made, tmp_path, seed):
-    report = run(seed, 1e-12, tmp_path / "moved.npz")
+def test_inputs_moved_by_1e_12_move_no_vertex(made, tmp_path):
+    report = run(1, 1e-12, tmp_path / "moved.npz")
     assert report["floats"] > 2000 and report["calls"] > 5000, "hardly anything was moved"
     assert apart(made, tmp_path / "moved.npz") > 1e-13, "nothing was moved"
 

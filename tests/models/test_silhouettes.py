@@ -19,7 +19,7 @@ def triangles(solid):
 
 def test_two_balls_overlap_as_two_circles_do():
     """Circles of radius 1 whose centres are d apart share 2 acos(d/2) - d/2 sqrt(4 - d^2)."""
-    ball, shift, directions = primitives.ball(1.0, splits=4), 0.8, views(20)
+    ball, shift, directions = primitives.ball(1.0, splits=4), 0.8, views(8)
     seen = overlap(triangles(ball), triangles(ball.move(x=shift)), directions)
     apart = shift * np.hypot(directions[:, 1], directions[:, 2])
     shared = 2.0 * np.arccos(apart / 2.0) - apart / 2.0 * np.sqrt(4.0 - apart**2)
@@ -73,6 +73,6 @@ def area(facets):
 def test_craft_covers_nasa_s_mesh(name, shared, monkeypatch):
     """The issue's bar, on fewer views and a coarser grid than the benchmark's."""
     monkeypatch.setattr(silhouettes.scenes, "NASA", shared / "meshes")
-    seen = shares(name, 12, cells=150)
+    seen = shares(name, 8, cells=100)
     for group, wanted in WANTED.items():
         assert seen[group].mean() >= wanted, group

@@ -104,7 +104,7 @@ def reflectance(material, incidence_deg):
 @pytest.mark.parametrize("material", BOUND)
 def test_no_material_sends_back_more_than_it_gets(material):
     """Energy: the directional-hemispherical reflectance is at most 1 at any incidence; the sum is good to 1e-3."""
-    returned = [reflectance(material, incidence) for incidence in (0.01, 20, 45, 60, 75, 85, 89)]
+    returned = [reflectance(material, incidence) for incidence in (0.01, 45, 75, 89)]
     assert 0.0 <= min(returned) and max(returned) <= 1.0 + 1e-3
 
 
@@ -118,7 +118,7 @@ def test_the_sum_over_the_hemisphere_is_right():
     assert reflectance(CUBES.replace(diffuse=0).at(NIR_M), 0.01) == pytest.approx(0.72, rel=2e-3)
 
 
-def pairs(n=4000, seed=5):
+def pairs(n=1500, seed=5):
     """Return cosines of n pairs of directions at random, a third of them nearly one, a third nearly mirror images."""
     rng = np.random.default_rng(seed)
     one, other = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in rng.normal(size=(2, n, 3)))

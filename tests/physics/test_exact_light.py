@@ -16,6 +16,7 @@ from tests.physics.sampling_scenes import (
     SCENES,
     compare,
     craft_case,
+    draw_pixels,
     load_case,
     one_target,
     rays_of,
@@ -130,8 +131,12 @@ def assert_agree_with_lattices(name, n, number, most):
     """
     scene = SCENES[name].build()
     exact = polygons(scene)
+    touched = find_touched(scene.surfaces, scene.truth, scene.receiver)
+    is_lit = exact[touched] > 0.0
+    pixels = np.concatenate([draw_pixels(touched[is_lit], 20), draw_pixels(touched[~is_lit], 5)])
     shifts = np.random.default_rng(35).random((number, 2))  # random shifts leave no bias (Cranley and Patterson 1976)
-    lattices = np.array([lattice_photons(*scene, n, shift) for shift in shifts])
+    lattices = np.array([lattice_photons(*scene, n, shift, pixels)[pixels] for shift in shifts])
+    exact = exact[pixels]
     variance = lattices.var(axis=0, ddof=1) / number
     error, label, _ = compare(lattices.mean(axis=0), exact, variance + (1e-5 * exact) ** 2)  # corners in float32
     assert label < most
@@ -155,7 +160,7 @@ def test_polygons_agree_with_lattices_of_rays(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["plate edge, random", "half hidden, random", "interpenetrating, random"])
+@pytest.mark.parametrize("name", ["half hidden, random", "interpenetrating, random"])
 def test_polygons_agree_with_many_lattices_of_rays(name):
     assert_agree_with_lattices(name, 16_384, 64, 6e-5)
 
@@ -175,10 +180,18 @@ def test_every_pixel_that_a_target_covers_is_touched():
         assert 0 < len(lit) and set(lit) <= set(find_touched(scene.surfaces, scene.truth, receiver))
 
 
+def find_reference_pixels(scene, photons):
+    """Return the pixels that facets may touch, and whose photons the reference has."""
+    touched = find_touched(scene.surfaces, scene.truth, scene.receiver)
+    return touched[np.isfinite(photons[touched])]
+
+
 def assert_agrees_with_a_coarser_lattice(case):
     """Assert that a quarter of the rays gives nearly the same light: an error falls with their number to the power 3/4."""
     scene, photons = load_case(case)
-    error, _, total = compare(lattice_photons(*scene, rays_of(case) // 4), photons, 0.0 * photons)
+    pixels = find_reference_pixels(scene, photons)
+    coarse = lattice_photons(*scene, rays_of(case) // 4, pixels=pixels)
+    error, _, total = compare(coarse, photons, 0.0 * photons)
     assert 0.0 < error < 0.003
     assert abs(total) < 3e-4
 
@@ -201,13 +214,17 @@ def test_lattices_agree_with_coarser_ones(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "turn"), [("suomi_npp", "random"), ("hubble", "aligned"), ("messenger", "random")])
+@pytest.mark.parametrize(("name", "turn"), [("suomi_npp", "random"), ("hubble", "aligned")])
 def test_polygons_of_spacecraft_agree_with_lattices(name, turn, shared, validation):
     scene, lattice = load_case(craft_case(shared, name, turn))
-    error, _, total = compare(lattice, polygons(scene), 0.0 * lattice)
+    triangles, reflectance = facets_in_lidar_axes(scene.surfaces, scene.truth)
+    pixels = find_reference_pixels(scene, lattice)[::2]
+    error, _, total = compare(
+        lattice, exact_photons(triangles, reflectance, scene.receiver, scene.laser, pixels), 0.0 * lattice
+    )
     rows = (
         ("error of a pixel's photons, weighted by light", 0.0, error, 0.1),
-        ("light of all pixels", 1.0, 1.0 + total, 0.002),
+        ("light of the pixels compared", 1.0, 1.0 + total, 0.002),
     )
     for what, expected, got, tolerance in rows:
         numbers = {"expected": 100.0 * expected, "got": 100.0 * got, "tolerance": tolerance, "unit": "%"}

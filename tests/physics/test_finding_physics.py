@@ -23,9 +23,9 @@ from rso_lidar.scenario import Finding, find_aspects, move_target, preview_missi
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 LIDAR_FROM_FOLLOWER = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 BESIDE_M = 2.0  # a report within this of the label's range is of the body, which is 0.4 m deep
-ATTITUDES, REPEATED = 64, 8
+ATTITUDES, REPEATED = 48, 8
 # The middle of the camera of Fuller et al.: as many pixels as a body of this range can meet.
-MIDDLE = {"fov_deg": 2.0 * math.degrees(math.atan(math.tan(math.radians(1.25)) / 4.0)), "n_rows": 32, "n_cols": 32}
+MIDDLE = {"fov_deg": 2.0 * math.degrees(math.atan(math.tan(math.radians(1.25)) / 8.0)), "n_rows": 16, "n_cols": 16}
 # Frames and closed form take the same light, so that a grid of a tenth of the rays serves both.
 GRID = {"rays_per_pixel": 100}
 CAMERA = rl.Lidar(preset="gsfl_1064", receiver=MIDDLE | GRID)

@@ -31,7 +31,7 @@ def times_of(part, photons, seed=3):
     return found.delay_s[found.counts > 0]
 
 
-@pytest.mark.parametrize("photons", [0.05, 0.5, 2.0, 8.0])
+@pytest.mark.parametrize("photons", [0.05, 2.0])
 def test_detection_by_one_pulse(validation, photons):
     fired = len(times_of(ONE, returns(np.full(N, 150.0), photons))) / N
     expected = -math.expm1(-0.4 * photons)
@@ -45,7 +45,7 @@ def test_detection_by_one_pulse(validation, photons):
     )
 
 
-@pytest.mark.parametrize(("photons", "depth_s"), [(0.5, 0.0), (10.0, 0.0), (500.0, 0.0), (10.0, 20e-9)])
+@pytest.mark.parametrize(("photons", "depth_s"), [(0.5, 0.0), (500.0, 0.0), (10.0, 20e-9)])
 def test_first_photon_fires_early(validation, photons, depth_s):
     """The density of the time is λ(t) exp(-∫λ) over 1 - exp(-N), integrated here by hand."""
     light = returns(np.full(N, 150.0), photons)
@@ -73,7 +73,7 @@ def test_first_photon_fires_early(validation, photons, depth_s):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("hold_off_ns", [20.0, 100.0, 400.0])
+@pytest.mark.parametrize("hold_off_ns", [20.0, 400.0])
 def test_dead_time_loses_counts(validation, hold_off_ns):
     """m = n/(1 + n τ), of a long gate; the part that a gate gains at its opening is added (renewal theory)."""
     rate, gate_s = 1e7, 20e-6
@@ -186,7 +186,7 @@ def test_closed_form_agrees_with_frames(validation, photons):
     assert reading.range_m.ravel()[near.ravel()].std() == pytest.approx(float(told.range_precision_m[0]), rel=0.25)
 
 
-@pytest.mark.parametrize("photons", [0.012, 0.02])
+@pytest.mark.parametrize("photons", [0.02])
 def test_closed_form_counts_dark_counts_in_the_peak(validation, photons):
     """A peak holds dark counts too: half of a threshold that noise has raised is noise."""
     part = rl.GeigerArray(

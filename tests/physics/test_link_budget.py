@@ -186,7 +186,7 @@ def test_a_plate_through_the_whole_chain(validation, tilt_deg, range_m, steps):
 
     At 60 deg a pixel is 8.7 ns deep: a return that reaches over several rows of time, whose noise is one record.
     """
-    lens, detector, flashes = LENS, Gsfl(steps_per_sample=steps), 32
+    lens, detector, flashes = LENS, Gsfl(steps_per_sample=steps), 12
     pose = place((0, 0, range_m), Rotation.from_euler("y", tilt_deg, degrees=True))
     seen = look(plate(800.0), pose, lens, Laser())
     readings = [detect(seen.photons, detector, np.random.default_rng(k))[0] for k in range(flashes)]

@@ -16,8 +16,8 @@ from rso_lidar.rpo import CentroidWander, SensorBias
 from rso_lidar.track.navigation.two_orbits import predict_orbits
 from tests.sensors.motion_for_tests import make_motion
 
-RUNS, END_S, GRID_S = 50, 20.0, 0.5
-JUDGED_S = (5.5, 10.5, 19.5)  # when only GNSS measures, so once in each run
+RUNS, END_S, GRID_S = 50, 14.0, 0.5
+JUDGED_S = (5.5, 9.5, 13.5)  # when only GNSS measures, so once in each run
 GYRO = sensors.Gyro(
     name="gyro", rate_hz=4.0, phase_s=0.05, mount={"euler_zyx_deg": (30.0, 20.0, 10.0)}, angle_random_walk_deg_sqrt_h=0.15,
     bias_instability_deg_h=3.0, rate_random_walk_deg_h_sqrt_h=2.0, turn_on_bias_deg_h=20.0,
@@ -146,12 +146,12 @@ def draw_shifts(rng, states, attitude):
 
 
 def test_fixes_with_a_bias_and_a_wandering_centroid_are_consistent_where_these_are_states():
-    """Twelve runs: mean NEES at three instants and mean NIS of fixes within 99.9 %; without the states above them."""
+    """Twelve runs: mean NEES at three instants and mean NIS of fixes within 99.9 %; in four without the states above."""
     for knows_slow in (True, False):
-        runs = [run(seed, slow=SLOW, knows_slow=knows_slow) for seed in range(12)]
+        runs = [run(seed, slow=SLOW, knows_slow=knows_slow) for seed in range(12 if knows_slow else 4)]
         nis = [update.nis for updates, _ in runs for update in updates if update.source == "lidar"]
         nees = np.array([each for _, each in runs]).mean(axis=0)
-        low, high = mean_bounds(15, 12)
+        low, high = mean_bounds(15, len(runs))
         if knows_slow:
             assert (low < nees).all()
             assert (nees < high).all()
@@ -170,7 +170,7 @@ def test_innovations_and_errors_of_fifty_runs_are_chi_square(validation):
     sources = {"tracker": 3, "gnss": 6, "relative": 6, "lidar": 3}
     for source, freedom in sources.items():
         nis = [update.nis for updates, _ in runs for update in updates if update.source == source]
-        assert len(nis) >= 10 * RUNS
+        assert len(nis) >= 7 * RUNS
         low, high = mean_bounds(freedom, len(nis))
         validation(
             case=f"navigation filter, 50 runs: mean NIS of {source}", source="chi-square distribution", expected=freedom,

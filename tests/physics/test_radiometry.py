@@ -96,7 +96,7 @@ def test_a_wall_that_fills_the_field(validation, fov_deg, footprint):
         )
 
 
-@pytest.mark.parametrize("pixels", [1.3, 4.71, 10.37, 20.2])
+@pytest.mark.parametrize("pixels", [1.3, 10.37])
 @pytest.mark.parametrize("footprint", ["square", "circle", "gaussian"])
 def test_a_narrow_beam_whose_edge_cuts_pixels(validation, footprint, pixels):
     """Fuller et al., sec. 5: divergence down to 10 x 10 or 20 x 20 pixels. Energy does not depend on the edge's place."""
@@ -398,11 +398,11 @@ def plate_photons(side_m, position_m, rotation):
 
 @pytest.mark.parametrize(("area_pixels", "tilted"), [(0.1, False), (0.1, True), (0.01, True), (1e-4, False)])
 def test_a_plate_of_a_tenth_of_a_pixel_anywhere(validation, area_pixels, tilted):
-    """200 random places and turns at 3 km: mean within 1 % of the closed form, scatter at most 5 %, never zero."""
+    """60 random places and turns at 3 km: mean within 1 % of the closed form, scatter at most 5 %, never zero."""
     rng = np.random.default_rng(20)
     side_m = math.sqrt(area_pixels) * PAPER_RECEIVER.pixel_tangent * 3000.0
-    ratio = np.empty(200)
-    for i in range(200):
+    ratio = np.empty(60)
+    for i in range(60):
         x, y = rng.uniform(-0.98, 0.98, 2) * math.tan(math.radians(1.25))
         position = 3000.0 * np.array([x, y, 1.0])
         turn = Rotation.from_rotvec([0, 0, rng.uniform(0, 2 * np.pi)])
@@ -413,7 +413,7 @@ def test_a_plate_of_a_tenth_of_a_pixel_anywhere(validation, area_pixels, tilted)
     assert ratio.min() > 0, "the plate was missed"
     assert ratio.std() <= 0.05
     validation(
-        case=f"plate of {area_pixels:g} pixel, {'tilted' if tilted else 'facing'}, 200 places: mean over closed form",
+        case=f"plate of {area_pixels:g} pixel, {'tilted' if tilted else 'facing'}, 60 places: mean over closed form",
         source="Fuller et al., eq. 7",
         expected=1.0,
         got=ratio.mean(),
@@ -424,12 +424,12 @@ def test_a_plate_of_a_tenth_of_a_pixel_anywhere(validation, area_pixels, tilted)
 
 @pytest.mark.parametrize("range_m", [3000.0, 20_000.0])
 def test_a_cubesat_is_never_missed(validation, range_m):
-    """A 3U CubeSat in 200 random poses: photons of its projected faces, sum of cos^2 over the faces in view."""
+    """A 3U CubeSat in 60 random poses: photons of its projected faces, sum of cos^2 over the faces in view."""
     rng = np.random.default_rng(30)
     sides = np.array([0.1, 0.1, 0.3405])
     areas = np.array([sides[1] * sides[2], sides[0] * sides[2], sides[0] * sides[1]])
-    ratio = np.empty(200)
-    for i in range(200):
+    ratio = np.empty(60)
+    for i in range(60):
         x, y = rng.uniform(-0.9, 0.9, 2) * math.tan(math.radians(1.25))
         position, turn = range_m * np.array([x, y, 1.0]), Rotation.random(rng=rng)
         seen = look(box(*sides), place(position, turn))
@@ -440,7 +440,7 @@ def test_a_cubesat_is_never_missed(validation, range_m):
         ratio[i] = seen.by_pixel.sum() / (facing * np.sum(areas * toward**2))
     assert ratio.std() <= 0.05
     validation(
-        case=f"3U CubeSat at {range_m / 1e3:g} km in 200 poses: mean over closed form",
+        case=f"3U CubeSat at {range_m / 1e3:g} km in 60 poses: mean over closed form",
         source="faces of a box, eq. 7",
         expected=1.0,
         got=ratio.mean(),
@@ -514,7 +514,7 @@ def test_a_gaussian_beam_on_a_small_plate_off_the_axis(validation):
     )
 
 
-@pytest.mark.parametrize(("small_m", "large_m"), [(0.5, 1.0), (2.0, 4.0), (6.0, 10.0), (0.3, 10.0), (0.02, 3.0)])
+@pytest.mark.parametrize(("small_m", "large_m"), [(0.5, 1.0), (0.3, 10.0), (0.02, 3.0)])
 def test_two_overlapping_plates_fill_their_union(validation, small_m, large_m):
     """Rectangles A and B at one range cover |A| + |B| - |A and B| of the tangent plane, whichever is listed first.
 

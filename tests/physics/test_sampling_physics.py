@@ -32,19 +32,20 @@ _EVEN = "booms at even distances, of which all lines of a pixel may meet as many
 _SMOOTH = "the label takes the smooth profile of the beam for a texture, which is sampled worse"
 MISLABELLED = {
     ("interpenetrating, random", 0.01): _PIERCED,
-    ("tdrs, aligned", 0.01): _PIERCED,
     ("several targets, random", 0.02): _DIM,
     **{(f"grating, {turn}", 0.05): _EVEN for turn in ("along rows", "along columns", "random")},
     ("narrow beam, gaussian", 0.01): _SMOOTH,
 }
 
-# Near a bound, and on either side of it by the processor: the total of 132 pixels, and the error of 30.
-BORDERLINE = {("messenger, aligned", 0.01), ("kepler, aligned", 0.01)}
+# Near a bound, and on either side of it by the processor: the total of 132 pixels, and the error of 30. Parts of TDRS pierce
+# each other, which shows in the total of all its pixels, and by chance in that of those with a reference.
+BORDERLINE = {("messenger, aligned", 0.01), ("kepler, aligned", 0.01), ("tdrs, aligned", 0.01)}
 
 
 def total_label(variance, true):
     """Return the relative error of the light of all pixels, if the errors of pixels are independent."""
-    return math.sqrt(variance.sum()) / true.sum()
+    known = np.isfinite(true)
+    return math.sqrt(variance[known].sum()) / true[known].sum()
 
 
 def judge(got, variance, true, sampling_error):
@@ -58,7 +59,7 @@ def judge(got, variance, true, sampling_error):
     wrong = []
     if error > 1.5 * max(sampling_error, label) or label > 2.0 * sampling_error:
         wrong.append(f"a pixel's error is {error:.2%}, and {label:.2%} by the label, for {sampling_error:.0%}")
-    if np.count_nonzero(true) > FEW_PIXELS:
+    if np.count_nonzero(true > 0.0) > FEW_PIXELS:
         if abs(total) > max(0.001, TOTAL * total_label(variance, true)):
             wrong.append(f"the light of all pixels is off by {total:+.3%}")
         is_known = 0.5 <= label / error <= 2.0 if error > 0.25 * sampling_error else label <= 1.25 * sampling_error
@@ -104,7 +105,12 @@ def test_spacecraft_at_the_default_sampling_error(name, shared, validation):
     rows = [
         ("error of a pixel's photons, weighted by light", 0.0, 100.0 * error, 150.0 * asked),
         ("the same error, as the label says", 100.0 * error, 100.0 * label, 100.0 * max(0.5 * error, 0.4 * asked)),
-        ("light of all pixels", 100.0, 100.0 * (1.0 + total), max(0.1, 100.0 * TOTAL * total_label(variance, true))),
+        (
+            "light of the pixels compared",
+            100.0,
+            100.0 * (1.0 + total),
+            max(0.1, 100.0 * TOTAL * total_label(variance, true)),
+        ),
     ]
     for what, expected, value, tolerance in rows:
         numbers = {"expected": expected, "got": value, "tolerance": tolerance, "unit": "%"}
@@ -113,7 +119,7 @@ def test_spacecraft_at_the_default_sampling_error(name, shared, validation):
 
 TURNED = [
     pytest.param(plate_edge, id="plate edge"),
-    pytest.param(grating, id="grating", marks=pytest.mark.slow),
+    pytest.param(lambda turn: grating(turn, 8.0, 6.0), id="grating"),
     pytest.param(body_on_four_pixels, id="four pixels"),
     pytest.param(lambda turn: half_hidden(turn, turn), id="half hidden"),
 ]

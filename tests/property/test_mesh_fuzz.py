@@ -88,7 +88,7 @@ def spoiled(draw, blob):
 def test_a_spoiled_file_is_a_mesh_or_one_line(name, blob, tmp_path):
     path = tmp_path / name
 
-    @settings(max_examples=120, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=60, deadline=None, database=None, suppress_health_check=list(HealthCheck))
     @given(broken=spoiled(blob))
     def spoil_and_load(broken):
         path.unlink(missing_ok=True)

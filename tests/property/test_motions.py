@@ -68,6 +68,7 @@ DIFFERENCES = (
     "hill, curvilinear",
 )
 CHIEFS = {name: text for name, text in ORBITS.items() if name != "kepler, open"}
+ABOUT = [*CHIEFS, "hill", "relative_elements", "safety_ellipse", "state_space, rtn"]
 NEAR = [name for name in RELATIVE if name.partition(",")[0] in (*DIFFERENCES, "hill", "yamanaka_ankersen")]
 NEAR += ["safety_ellipse", "state_space, rtn"]
 
@@ -284,7 +285,7 @@ def test_an_epoch_has_the_same_bits_alone_in_any_order_and_after_writing(name, f
     assert same_bits(whole, bits(motion.truth(again.bodies, epochs(times))))
 
 
-@pytest.mark.parametrize("about", [*CHIEFS, "hill", "relative_elements", "safety_ellipse", "state_space, rtn"])
+@pytest.mark.parametrize("about", ABOUT)
 def test_a_relative_motion_about_any_chief(about, folder):
     """In the chief's turning axes; what is worked out from the chief's states has their errors too."""
     chief, more = MOTIONS[about], ""
@@ -292,7 +293,9 @@ def test_a_relative_motion_about_any_chief(about, folder):
         chief = chief.replace('"chief"', '"station"')
         more = f'[[target]]\nname = "station"\nmodel = "plate"\nmotion = {KEPLER}\n'
     at = np.concatenate([GRID_S, [0.0]])
-    for name in NEAR:
+    # About a theory, an exact orbit and another relative motion all fly; each of them also flies about some of the others.
+    names = NEAR if about in ("j2", "kepler", "hill") else NEAR[ABOUT.index(about) % 4 :: 4]
+    for name in names:
         bodies = rl.Scenario.loads(
             scenario_text(RELATIVE[name], None, chief, more), folder=folder, trust_code=True
         ).bodies
@@ -362,7 +365,7 @@ def chief_of(e, anomaly):
 directions = st.tuples(*[st.floats(-1.0, 1.0)] * 6).map(np.array).filter(lambda x: np.linalg.norm(x) > 0.1)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(directions, st.floats(-np.pi, np.pi))
 def test_about_a_circle_both_linear_models_are_the_same(direction, anomaly):
     """The chief's velocity is rounded, e = 1e-16, its n to 2e-16: rounding of 1 km over a radian or two, times some tens."""
@@ -375,7 +378,7 @@ def test_about_a_circle_both_linear_models_are_the_same(direction, anomaly):
     assert np.abs(va - vb).max() < 1e-9 * n
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(directions, st.floats(0.0, 0.7), st.floats(-np.pi, np.pi))
 def test_linear_models_are_off_by_the_square_of_the_separation(direction, e, anomaly):
     """Halved separation, a quarter of the difference to two bodies; the rest is of third order, some rho^3 / q^2."""

@@ -71,7 +71,7 @@ def test_pixels_report_as_often_and_as_precisely_as_predicted(kind):
     """By kind of light, with the errors of binomial numbers and of a variance of normal draws."""
     detector, unit, sunlight, systematic = DETECTORS[kind]
     light, true_m, apart_m = make_light(unit, sunlight)
-    draws = 80
+    draws = 48
     told = predict_pixels(light, detector)
     probability, sigma_m = (values[0].astype(float) for values in (told.detection_probability, told.range_sigma_m))
     errors = repeat(light, detector, true_m, apart_m, draws)

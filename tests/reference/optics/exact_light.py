@@ -18,6 +18,7 @@ from rso_lidar.records import Rays
 _TIE = 1e-10  # relative difference of depths below which facets coincide, 0.1 um at 1 km; then the first one is seen
 _SLIVER = 1e-15  # share of a pixel's area below which a polygon is rounding
 _SIDES = 4096  # of the polygon that stands for a circular beam: as large, and round to 3e-7 of its radius
+_FEW_FACETS = 500  # fewer are split where their bounds are taken
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -65,18 +66,19 @@ def exact_photons(triangles, brdf, receiver, laser, pixels=None, tolerance=1e-7)
     return photons
 
 
-def lattice_photons(surfaces, truth, receiver, laser, n, shift=(0.0, 0.0)):
+def lattice_photons(surfaces, truth, receiver, laser, n, shift=(0.0, 0.0), pixels=None):
     """Return the photons (pixel) from n rays in each pixel that a facet may touch, on a lattice (Korobov, golden ratio).
 
     Parameters
     ----------
     n : number of rays in each pixel
     shift : of the lattice along columns and rows, in pixels; the points wrap around
+    pixels : numbers of the pixels to cast rays in (None: all that a facet may touch); the others are dark
     """
     n_cols, n_pixels = receiver.n_cols, receiver.n_rows * receiver.n_cols
     across = np.mod((np.arange(n) + 0.5) / n + shift[0], 1.0)
     down = np.mod(np.arange(n) * _GOLDEN + shift[1], 1.0)
-    photons, touched = np.zeros(n_pixels), find_touched(surfaces, truth, receiver)
+    photons, touched = np.zeros(n_pixels), find_touched(surfaces, truth, receiver) if pixels is None else pixels
     step = max(1, 2**19 // n)  # pixels at once, so that memory is bounded
     for first in range(0, len(touched), step):
         pixel = touched[first : first + step]
@@ -99,6 +101,8 @@ def find_touched(surfaces, truth, receiver):
     for surface in surfaces:
         translation, matrix = truth.poses.place("lidar", surface.name)
         corners = surface.corners @ matrix.T + translation
+        while len(corners) < _FEW_FACETS:  # bounds of small facets are tighter
+            corners = _split(corners).reshape(-1, 3, 3)
         assert (corners[..., 2] > 0.0).all(), f"{surface.name}: reaches behind the lens"
         tangent = corners[..., :2] / corners[..., 2:]
         low, high = tangent.min(axis=1), tangent.max(axis=1)
@@ -249,6 +253,8 @@ def _beam_edges(laser):
 def _clip_to_beam(polygon, beam):
     """Return the part of a polygon that the beam lights."""
     heights = beam[:, :2] @ np.array(polygon).T + beam[:, 2:]
+    if (heights < 0.0).all(axis=1).any():  # all corners beyond one edge
+        return []
     for half_plane in beam[(heights < 0.0).any(axis=1)].tolist():
         polygon = _clip(polygon, half_plane)
     return polygon
@@ -298,7 +304,7 @@ def _integrate(light, facet, triangles, error):
 
 
 def _split(triangles):
-    """Return the four triangles (triangle, 4, corner, 2) between corners and middles of sides."""
+    """Return the four triangles (triangle, 4, corner, axis) between corners and middles of sides."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
     corners = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]

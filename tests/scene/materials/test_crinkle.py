@@ -18,7 +18,7 @@ FOIL = Crinkled(diffuse=0.1, specular=0.7, exponent=40.0, tilt_deg=8.0, cell_mm=
 RANGE_M = 300.0
 
 
-def brdf_seen(material, angle_deg, *, threads=1, laser_from_m=None, rays=100_000, roll_deg=0.0, sun=None):
+def brdf_seen(material, angle_deg, *, threads=1, laser_from_m=None, rays=40_000, roll_deg=0.0, sun=None):
     """Return many hits on a 20 m plate, turned by an angle; everything, rays too, rolled about the line of sight."""
     rng = np.random.default_rng(3)
     half = 6.0 * math.cos(math.radians(angle_deg)) / RANGE_M
@@ -68,8 +68,8 @@ def test_light_may_go_either_way():
     )  # slopes beyond which a cell turns away end between two points of the quadrature
 
 
-@pytest.mark.parametrize("tilt_deg", [5.0, 15.0, 30.0])
-@pytest.mark.parametrize("angle_deg", [0.0, 45.0, 75.0, 88.0])
+@pytest.mark.parametrize("tilt_deg", [5.0, 30.0])
+@pytest.mark.parametrize("angle_deg", [0.0, 75.0, 88.0])
 def test_no_more_light_leaves_than_comes(tilt_deg, angle_deg):
     """The reflectance of white foil over the hemisphere, by midpoints in azimuth and in the square of the sine."""
     white = Crinkled(diffuse=1.0, specular=0.0, exponent=0.0, tilt_deg=tilt_deg)
@@ -91,7 +91,7 @@ def test_the_link_budget_is_that_of_the_rays():
     assert of_pixel.std() < 0.3 * of_pixel.mean()
 
 
-@pytest.mark.parametrize("angle_deg", [0.0, 10.0, 30.0, 60.0])
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0])
 def test_the_mean_over_cells_is_the_integral_over_slopes(angle_deg):
     hits = brdf_seen(FOIL, angle_deg)
     point = hits.rays.direction[hits.ray] * hits.range_m[:, None]
@@ -129,7 +129,7 @@ def test_slopes_are_normal_and_of_their_cells():
 def test_it_is_the_same_foil_in_every_frame_and_with_any_threads():
     """Rolled with the camera the same places are hit: a millimetre aside, of 20 mm, they are of the same cell."""
     first, second, rolled = (
-        brdf_seen(FOIL, 20.0, threads=threads, roll_deg=roll_deg, rays=40_000)
+        brdf_seen(FOIL, 20.0, threads=threads, roll_deg=roll_deg, rays=20_000)
         for threads, roll_deg in ((1, 0.0), (2, 0.0), (1, 77.0))
     )
     assert np.array_equal(first.brdf_per_sr, second.brdf_per_sr)
@@ -140,11 +140,11 @@ def test_it_is_the_same_foil_in_every_frame_and_with_any_threads():
 
 def test_a_laser_beside_the_lens_meets_the_cells_from_there():
     """A centimetre aside is as good as in the lens; at 60 m, 11 degrees off, the mean is the closed form's."""
-    here = brdf_seen(FOIL, 25.0, rays=40_000)
-    beside = brdf_seen(FOIL, 25.0, rays=40_000, laser_from_m=(0.01, 0.0, 0.0))
+    here = brdf_seen(FOIL, 25.0)
+    beside = brdf_seen(FOIL, 25.0, laser_from_m=(0.01, 0.0, 0.0))
     assert beside.brdf_per_sr == pytest.approx(here.brdf_per_sr, rel=0.01, abs=1e-3)
     assert beside.cos_incidence == pytest.approx(here.cos_incidence, abs=1e-4)
-    far = brdf_seen(FOIL, 25.0, rays=100_000, laser_from_m=(60.0, 0.0, 0.0))
+    far = brdf_seen(FOIL, 25.0, laser_from_m=(60.0, 0.0, 0.0))
     normal = Rotation.from_euler("y", 25.0, degrees=True).apply([0.0, 0.0, 1.0])
     point = far.rays.direction[far.ray] * far.range_m[:, None]
     toward = np.array([60.0, 0.0, 0.0]) - point
@@ -161,7 +161,7 @@ def test_white_foil_in_the_sun_sends_back_no_more_than_it_gets():
     """Sun at 35 degrees, seen from directions drawn by the cosine: the mean of π BRDF is the reflectance."""
     white, rng = Crinkled(diffuse=1.0, specular=0.0, exponent=0.0, tilt_deg=8.0), np.random.default_rng(2)
     total = []
-    for _ in range(120):
+    for _ in range(50):
         angle_deg = math.degrees(math.asin(math.sqrt(rng.uniform(0.0, 0.98))))  # the last grazing ones miss the plate
         turned = Rotation.from_euler("y", angle_deg, degrees=True)
         normal = -turned.apply([0.0, 0.0, 1.0])

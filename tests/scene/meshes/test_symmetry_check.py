@@ -5,6 +5,7 @@ import pytest
 
 from rso_lidar.records import Symmetry
 from rso_lidar.scene import measure_symmetry, model, models
+from rso_lidar.scene.meshes import symmetry_check
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 DECLARED = [name for name, entry in models().items() if entry.symmetry is not None]
@@ -23,8 +24,9 @@ def test_the_sphere_and_the_plate_are_exact():
 
 
 @pytest.mark.parametrize("name", [name for name in models() if name != "sphere"])
-def test_no_half_turn_is_left_out(name):
+def test_no_half_turn_is_left_out(name, monkeypatch):
     """A half turn about an axis of the model holds if and only if it is in the declared group."""
+    monkeypatch.setattr(symmetry_check, "_QUERIES", 1500)  # of 1 %, the share that may differ more, 15 points
     entry = model(name)
     for axis in AXES.values():
         half_turn = Symmetry(axis=axis, fold=2)
