@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.evaluation import tracking
 from rso_lidar.evaluation.track_quality import evaluation
+from rso_lidar.track.pose import follow
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
@@ -36,7 +38,8 @@ def recorded(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def made(recorded):
-    with rl.open(recorded) as frames:
+    with rl.open(recorded) as frames, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(follow, "acquire", partial(follow.acquire, starts=24))  # for time: a quarter of the usual
         return tracking(frames)
 
 
@@ -108,7 +111,7 @@ def test_pixels_are_as_wide_as_the_lens_makes_them(recorded, monkeypatch):
 
     monkeypatch.setattr(evaluation, "locate_centroid", noted)
     with rl.open(recorded) as frames:
-        tracking(frames[:3])
+        tracking(frames[:1], shape=False, poses=False)
         fov_rad = np.radians(rl.Scenario.loads(frames[0].source.scenario).lidar.receiver.fov_deg)
     np.testing.assert_allclose(widths_rad, 2.0 * np.tan(0.5 * fov_rad) / 64, rtol=1e-6)
 
