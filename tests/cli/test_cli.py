@@ -313,7 +313,10 @@ class TestChangingLens:
                     np.testing.assert_allclose(written.line_of_sight, frame.line_of_sight, rtol=1e-6)
                     np.testing.assert_array_equal(written.range_m, frame.range_m)
                     assert written.observation.settings == pytest.approx(frame.observation.settings, rel=1e-12)
-        for arguments in (("plot", tmp_path / "run.h5"), ("animate", tmp_path / "run.h5", tmp_path / "run.gif")):
+        for arguments in (
+            ("plot", tmp_path / "run.h5", "--frame", 3),
+            ("animate", tmp_path / "run.h5", tmp_path / "run.gif"),
+        ):
             assert call(*arguments)[0] == 0
 
 

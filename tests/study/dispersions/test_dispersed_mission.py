@@ -162,9 +162,9 @@ def filtered(kept_folder):
     return rl.study.disperse(make_filtered(), 300, working=kept_folder)
 
 
-@pytest.mark.slow
 def test_workers_change_no_bit(filtered):
-    again = rl.study.disperse(make_filtered(), 300, workers=2)
+    with Elsewhere() as executor:
+        again = rl.study.disperse(make_filtered(), 300, executor=executor)
     assert filtered.tubes["nees"].tobytes() == again.tubes["nees"].tobytes()
     assert filtered.table["delta_v_m_s"].tobytes() == again.table["delta_v_m_s"].tobytes()
 
