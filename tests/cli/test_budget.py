@@ -5,6 +5,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.cli import budget as command
 from rso_lidar.errors import RsoLidarError
+from rso_lidar.mission_analysis.budgets import attitude_search, finding_range
 
 
 @pytest.fixture
@@ -32,18 +33,18 @@ def test_a_camera_by_name_with_a_field_set_anew(call, tmp_path):
     """As a scenario with that preset and that field has it, and under a name that says so."""
     asked = (
         "--range",
-        "1km:4km",
+        "100m:250m",
         "--set",
         "lidar.laser.energy_mj=20",
         "--set",
-        "lidar.detector.quantum_efficiency=0.4",
+        "lidar.detector.detection_efficiency=0.2",
     )
-    out = call("gsfl_1064", *asked, "-o", tmp_path / "a.csv")
-    assert out.startswith("gsfl_1064 with lidar.laser.energy_mj=20, lidar.detector.quantum_efficiency=0.4: ")
-    camera = rl.Lidar(preset="gsfl_1064", laser={"energy_mj": 20}, detector={"quantum_efficiency": 0.4})
-    same = rl.budget(camera, range_m=(1e3, 4e3))
+    out = call("geiger_1064", *asked, "-o", tmp_path / "a.csv")
+    assert out.startswith("geiger_1064 with lidar.laser.energy_mj=20, lidar.detector.detection_efficiency=0.2: ")
+    camera = rl.Lidar(preset="geiger_1064", laser={"energy_mj": 20}, detector={"detection_efficiency": 0.2})
+    same = rl.budget(camera, range_m=(100.0, 250.0))
     assert (tmp_path / "a.csv").read_text(encoding="utf-8") == same.csv_text()
-    assert same.csv_text() != rl.budget("gsfl_1064", range_m=(1e3, 4e3)).csv_text()
+    assert same.csv_text() != rl.budget("geiger_1064", range_m=(100.0, 250.0)).csv_text()
 
 
 def test_a_scenario_with_several_of_everything_to_csv_and_picture(call, scenario, tmp_path):
@@ -52,10 +53,11 @@ def test_a_scenario_with_several_of_everything_to_csv_and_picture(call, scenario
     out = call(*asked, *beams, "-o", tmp_path / "a.csv")
     assert out.count("mli_gold") == 4 and "P = 0.5 to" in out and "a.csv" in out
     assert (tmp_path / "a.csv").read_text(encoding="utf-8").count("\n") == 1 + 8 * 121
-    call(*asked, "-o", tmp_path / "a.png")
+    (tmp_path / "a.png").write_bytes(b"mine")
     with pytest.raises(RsoLidarError, match=r"a\.png: exists already"):
         call(scenario, "-o", tmp_path / "a.png")
     call(scenario, "-o", tmp_path / "a.png", "--overwrite")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert len(list(tmp_path.iterdir())) == 3
 
 
@@ -85,13 +87,16 @@ def test_refused(call, asked, said, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_how_far_a_body_is_found(call, tmp_path):
+def test_how_far_a_body_is_found(call, tmp_path, monkeypatch):
+    monkeypatch.setattr(finding_range, "_WORST_PLACES", 4)  # in the pixel grid; the fewer, the quicker
+    monkeypatch.setattr(attitude_search, "_FEW_PLACES", 1)
+    monkeypatch.setattr(attitude_search, "_PLACES", 2)
     camera = [
         "gsfl_1064",
         "--set",
         'lidar.detector={ type = "empirical" }',
         "--set",
-        "lidar.receiver.rays_per_pixel=100",
+        "lidar.receiver.rays_per_pixel=16",
     ]
     asked = ["--find", "cubesat_1u", "--pixels", "2", "--flashes", "2/3", "--attitudes", "4", "--range", "100m:1km"]
     out = call(*camera, *asked, "-o", str(tmp_path / "found.csv"))

@@ -5,7 +5,7 @@ import pytest
 
 def test_a_camera_prints_its_data_sheet_and_writes_files(rso_lidar, tmp_path):
     page, curve = tmp_path / "sheet.html", tmp_path / "sheet.csv"
-    words = ("--trials", "100", "-o", str(page), "-o", str(curve))
+    words = ("--trials", "50", "-o", str(page), "-o", str(curve))
     status, shown, errors = rso_lidar("camera", "geiger_1064", *words)
     assert (status, errors) == (0, [])
     assert "NEP of the dark counts" in shown and "93.3 aW/√Hz" in shown and str(page) in shown

@@ -4,6 +4,7 @@ from functools import partial
 
 import pytest
 
+from rso_lidar.evaluation.raw_waveforms import comparison
 from tests.evaluation.raw_waveforms.recordings_for_tests import write_recording
 
 SETTINGS = ("--set", "lidar.laser.pulse_fwhm_ns=15", "--set", "lidar.detector.readout.sample_ns=1.25")
@@ -16,11 +17,12 @@ def call(rso_lidar, tmp_path, monkeypatch):
     return partial(rso_lidar, "camera", "waveforms")
 
 
-def test_a_table_is_printed_and_a_page_is_written(call, tmp_path):
+def test_a_table_is_printed_and_a_page_is_written(call, tmp_path, monkeypatch):
+    monkeypatch.setattr(comparison, "_TRACES", 256)
     status, said, _ = call("gsfl_1064", "--data", "recording", *SETTINGS, "--flashes", "1", "-o", "a.html")
     assert status == 0
     assert "clip level over noise" in said and said.splitlines()[-1] == "a.html"
-    assert said.splitlines()[1].split() == ["waveforms", "96", "96", "2,048"]  # the channels of one flash
+    assert said.splitlines()[1].split() == ["waveforms", "96", "96", "256"]  # the channels of one flash
     assert "Waveforms of recording" in (tmp_path / "a.html").read_text(encoding="utf-8")
 
 

@@ -62,16 +62,15 @@ def test_check(call, scenario):
 
 def test_run_info_plot_animate(call, scenario, tmp_path):
     output = tmp_path / "bench.h5"
-    status, out, _ = call("run", scenario, "-o", output)
+    status, out, _ = call("run", scenario, "-o", output, "--frames", "0:3")
     assert status == 0
-    assert "10 in" in out
+    assert "3 in" in out
     status, out, _ = call("info", output)
     assert status == 0
-    for words in ["10, 0 to 1.8 s", "32 x 32", "plate", "complete", "ptu", "lidar"]:
+    for words in ["3, 0 to 0.4 s", "32 x 32", "plate", "complete", "ptu", "lidar"]:
         assert words in out, words
     for arguments, name in [
         (("plot", output), "bench_sheet.png"),
-        (("plot", output, "--frame", 3), "bench_frame3.png"),
         (("plot", output, "--path"), "bench_path.png"),
         (("plot", output, "--curves"), "bench_curves.png"),
         (("animate", output, tmp_path / "bench.gif"), "bench.gif"),
@@ -79,13 +78,6 @@ def test_run_info_plot_animate(call, scenario, tmp_path):
         status, _, err = call(*arguments)
         assert (status, err) == (0, [])
         assert (tmp_path / name).stat().st_size > 1000
-
-
-@pytest.mark.slow
-def test_workers_write_the_same_bytes(call, scenario, tmp_path):
-    call("run", scenario, "-o", tmp_path / "a.h5", "--threads", 1)
-    call("run", scenario, "-o", tmp_path / "b.h5", "--workers", 2)
-    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
 
 
 def test_frames_seed_and_set(call, scenario, tmp_path):
@@ -112,6 +104,7 @@ def test_every_nth_frame_and_frames_by_their_number(call, scenario, tmp_path):
     with rl.open(output) as recording:
         assert recording.frame_index[:].tolist() == [1, 4, 7]
     assert call("plot", output, "--frame", 4)[0] == 0
+    assert (tmp_path / "thin_frame4.png").stat().st_size > 1000
     status, _, err = call("plot", output, "--frame", 5)
     assert (status, len(err)) == (2, 1)
     assert "1 to 7" in err[0]
@@ -199,7 +192,7 @@ def test_a_killed_run_resumes_to_the_same_datasets(call, scenario, tmp_path):
     """Kill a run with SIGKILL once it has frames, resume it, and compare every dataset with an unbroken run's."""
     import h5py
 
-    slow = ("--set", "time.duration_s=40", "--set", "lidar.receiver.rays_per_pixel=400")
+    slow = ("--set", "time.duration_s=20", "--set", "lidar.receiver.rays_per_pixel=400")
     whole, broken = tmp_path / "whole.h5", tmp_path / "broken.h5"
     command = [sys.executable, "-m", "rso_lidar", "run", str(scenario), "-o", str(broken), *slow]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -215,7 +208,7 @@ def test_a_killed_run_resumes_to_the_same_datasets(call, scenario, tmp_path):
     assert not broken.exists()
     with rl.open(temporary[0]) as part:
         assert not part.complete
-        assert 0 < len(part) < 200
+        assert 0 < len(part) < 100
 
     status, out, _ = call("run", scenario, "-o", broken, "--resume", *slow)
     assert status == 0
@@ -320,7 +313,10 @@ class TestChangingLens:
                     np.testing.assert_allclose(written.line_of_sight, frame.line_of_sight, rtol=1e-6)
                     np.testing.assert_array_equal(written.range_m, frame.range_m)
                     assert written.observation.settings == pytest.approx(frame.observation.settings, rel=1e-12)
-        for arguments in (("plot", tmp_path / "run.h5"), ("animate", tmp_path / "run.h5", tmp_path / "run.gif")):
+        for arguments in (
+            ("plot", tmp_path / "run.h5", "--frame", 3),
+            ("animate", tmp_path / "run.h5", tmp_path / "run.gif"),
+        ):
             assert call(*arguments)[0] == 0
 
 

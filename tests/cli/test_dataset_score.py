@@ -14,7 +14,7 @@ from tests.dataset.bench_for_tests import SPEC, make_spec
 def folder(tmp_path_factory):
     """Return a folder with a dataset in `set`, and predictions of its test split: right.csv, wrong.csv and part.csv."""
     place = tmp_path_factory.mktemp("scored")
-    spec = make_spec(place, SPEC.replace("samples = 6", "samples = 20").replace("draws = 2", "draws = 1"))
+    spec = make_spec(place, SPEC.replace("samples = 6", "samples = 12").replace("draws = 2", "draws = 1"))
     dataset = rl.dataset.make(spec, place / "set", workers=1)
     frames = dataset.split("test")
     sample, class_id = frames.column("sample"), np.maximum(frames.column("class_id"), 0)

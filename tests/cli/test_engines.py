@@ -6,33 +6,30 @@ import signal
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
 
 import pytest
 
+from rso_lidar import processes
+from rso_lidar.study.trades import report
 from tests.study.trades.trade_for_tests import STUDY
 from tests.study.verification.requirements_for_tests import FILE
+from tests.test_processes import Elsewhere
 
 EXAMPLE = Path("examples/dispersed_hop.toml").resolve()
+TRADE = STUDY[: STUDY.rindex("[[axis]]")].replace(', "range_error_m", "time_in_field_s"', "")  # two points, one figure
 COMMANDS = {
-    "run": ("run", "bench.toml", "-o", "{place}/out.h5"),
+    "run": ("run", "run.toml", "-o", "{place}/out.h5"),
     "trade": ("trade", "study.toml", "-o", "{place}/out.csv"),
     "requirements": ("requirements", "reqs.toml", "bench.toml", "-o", "{place}/out.csv"),
     "requirements-study": ("requirements", "reqs.toml", "study.toml", "-o", "{place}/out.csv"),
     "budget": (
-        "budget",
-        "gsfl_1064",
-        "--find",
-        "cubesat_3u",
-        "--range",
-        "1300m:1500m",
-        "--attitudes",
-        16,
-        "-o",
-        "{place}/out.csv",
+        *("budget", "gsfl_1064", "--set", 'lidar.detector.type="empirical"'),
+        *("--find", "cubesat_3u", "--range", "1300m:1500m", "--attitudes", 4, "-o", "{place}/out.csv"),
     ),
     "timeline": ("timeline", "bench.toml", "-o", "{place}/out.csv"),
 }
-KILLED = ("run", "trade")  # a worker under these; the others go the same way, and a new worker takes seconds
 KEPT_OUT = (".html",)  # the report of a trade says when it was made
 
 
@@ -40,7 +37,10 @@ KEPT_OUT = (".html",)  # the report of a trade says when it was made
 def call(rso_lidar, text, tmp_path, monkeypatch):
     """Return a function that runs a command with options and returns the bytes of its outputs."""
     monkeypatch.chdir(tmp_path)
-    for name, content in (("bench.toml", text), ("study.toml", STUDY), ("reqs.toml", FILE)):
+    monkeypatch.setattr(report, "write_report", lambda *_: "a page")  # figures take longer than the work
+    small = text.replace(" = 32", " = 16").replace("duration_s     = 2", "duration_s     = 1")
+    files = (("run.toml", text), ("bench.toml", small), ("study.toml", TRADE), ("reqs.toml", FILE))
+    for name, content in files:
         (tmp_path / name).write_text(content, encoding="utf-8")
 
     def run(place, words, *options):
@@ -53,7 +53,48 @@ def call(rso_lidar, text, tmp_path, monkeypatch):
     return run
 
 
-@pytest.fixture(scope="module")
+class Pool(Elsewhere):
+    """Two threads in place of two processes, which are sent functions as processes are: by a file."""
+
+    opened: ClassVar[list] = []
+
+    def __init__(self, count):
+        super().__init__()
+        self.count, self.folder = count, Path.cwd()
+        self.opened.append(self)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "trade",
+        "budget",
+        "timeline",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("requirements", "requirements-study")),
+    ],
+)
+def test_engines_write_the_same_bytes(call, monkeypatch, name):
+    """Each command gives its work to the pool or to the executor of the scheduler; `run`, below, to real processes."""
+    executor = Elsewhere()
+
+    @contextlib.contextmanager
+    def open_client(scheduler, _workers):
+        assert scheduler == "tcp://there:1"
+        yield SimpleNamespace(get_executor=lambda: executor)
+
+    alone = call("alone", COMMANDS[name])
+    monkeypatch.setattr(Pool, "opened", [])
+    monkeypatch.setattr(processes, "Processes", Pool)
+    monkeypatch.setattr(processes, "open_dask_client", open_client)
+    assert alone == call("pool", COMMANDS[name], "--workers", 2)
+    (pool,) = Pool.opened
+    assert pool.count == 2 and pool.submitted > 1
+    with executor:
+        assert alone == call("dask", COMMANDS[name], "--engine", "dask", "--scheduler", "tcp://there:1")
+    assert executor.submitted > 1
+
+
+@pytest.fixture
 def cluster():
     distributed = pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
@@ -86,12 +127,11 @@ def killing_a_worker(cluster):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", COMMANDS)
-def test_engines_write_the_same_bytes_also_where_a_worker_is_killed(call, cluster, name):
-    alone = call("alone", COMMANDS[name])
-    assert alone == call("pool", COMMANDS[name], "--workers", 2)
-    with killing_a_worker(cluster) if name in KILLED else contextlib.nullcontext([name]) as killed:
-        by_dask = call("dask", COMMANDS[name], "--engine", "dask", "--scheduler", cluster.scheduler_address)
+def test_processes_write_the_same_bytes_also_where_a_worker_is_killed(call, cluster):
+    alone = call("alone", COMMANDS["run"])
+    assert alone == call("pool", COMMANDS["run"], "--workers", 2)
+    with killing_a_worker(cluster) as killed:
+        by_dask = call("dask", COMMANDS["run"], "--engine", "dask", "--scheduler", cluster.scheduler_address)
     assert killed and alone == by_dask
 
 

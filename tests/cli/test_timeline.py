@@ -43,7 +43,7 @@ def test_refused_in_one_line(refused, arguments, said):
 
 
 def test_an_output_that_exists_is_kept(call, bench, tmp_path):
-    output = tmp_path / "kept.png"
+    output = tmp_path / "kept.csv"
     output.write_text("mine", encoding="utf-8")
     assert call(bench, "-o", output)[0] == 2
     assert output.read_text(encoding="utf-8") == "mine"

@@ -27,11 +27,11 @@ def call(rso_lidar):
 
 
 def test_a_table_and_a_picture(call, bench, tmp_path):
-    status, said, errors = call(bench, "-o", tmp_path / "t.png", "--range-noise", "0.1")
+    status, said, errors = call(bench, "-o", tmp_path / "t.png", "--range-noise", "0.1", "--frames", "0:3")
     assert status == 0
-    assert errors[-1].startswith("frame 10/10,")  # a slow machine says more on the way
+    assert errors[-1].startswith("frame 3/3,")  # a slow machine says more on the way
     lines = said.splitlines()
-    assert lines[0].startswith("plate: 10 of 10 frames with a fix; range noise 0.1 m")
+    assert lines[0].startswith("plate: 3 of 3 frames with a fix; range noise 0.1 m")
     assert [line.split()[0] for line in lines[3:-1] if line[0] != " "] == ["centroid", "constant", "constant", "icp"]
     assert lines[-1] == f"{tmp_path / 't.png'}"
     assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")

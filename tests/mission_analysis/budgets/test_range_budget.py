@@ -169,9 +169,11 @@ def test_a_target_that_is_given_ends_a_range_where_it_fills_no_pixel():
 
 def test_precision_of_a_tilted_facet_grows_without_steps():
     """With R the pulse stretches and light falls: the slope of precision in a log-log plot changes gradually."""
-    curve = rl.budget("gsfl_1064", materials=["white_paint"], tilt_deg=60, range_m=(1000.0, 4000.0)).curves[0]
+    curve = rl.budget(
+        "gsfl_1064", materials=["white_paint"], tilt_deg=60, range_m=np.geomspace(2000.0, 3200.0, 41)
+    ).curves[0]
     slopes = np.diff(np.log(curve.range_precision_m)) / np.diff(np.log(curve.range_m))
-    assert np.abs(np.diff(slopes)).max() < 0.3  # the slope grows from 0.1 to 5 over 120 steps
+    assert np.abs(np.diff(slopes)).max() < 0.3  # steps of 1.2 %: one of 0.4 % in precision would show
 
 
 def test_csv_holds_what_the_curves_hold(tmp_path):
@@ -185,8 +187,7 @@ def test_csv_holds_what_the_curves_hold(tmp_path):
     with pytest.raises(RsoLidarError, match=r"a\.csv: exists already"):
         made.save(tmp_path / "a.csv")
     assert made.save(tmp_path / "a.csv", overwrite=True).name == "a.csv"
-    assert made.save(tmp_path / "a.png").stat().st_size > 10_000
-    assert len(list(tmp_path.iterdir())) == 2
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_measured_brdf(tmp_path):

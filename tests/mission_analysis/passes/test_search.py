@@ -127,7 +127,7 @@ def test_reach_is_where_half_of_the_flashes_detect_a_plate():
 
 def test_order_filters_and_limit():
     def ask(**changes):
-        return encounters(FLYBY, 99003, within_m=20e3, start_utc=START, days=0.5, **changes).rows
+        return encounters(FLYBY, 99003, within_m=20e3, start_utc=START, days=0.2, **changes).rows
 
     rows = ask(sort="time")
     assert len(rows) > 1

@@ -31,6 +31,7 @@ from rso_lidar.rpo import (
 )
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
+POINT = Forces(zonal_degree=0)
 REAL = Forces(
     zonal_degree=6,
     drag=Drag(area_m2=4.0, mass_kg=200.0),
@@ -129,7 +130,7 @@ def test_a_free_ellipse_is_led_back_to_itself():
     round_ = Circumnavigation(relative_to="t", radial_m=100.0)
     guidance = TwoImpulseGuidance(every_s=1000.0)
     flight = Flown(plan=round_, forces=REAL, guidance=guidance).fly(START, chief())
-    at = np.arange(2000.0, 12_000.0, 1000.0)
+    at = np.arange(2000.0, 7000.0, 1000.0)  # the last correction is in the second revolution
     off = flight.relative(at)[0] - flight.plan.relative(at)[0]
     assert np.linalg.norm(off, axis=1).max() < 1e-3
 
@@ -195,7 +196,7 @@ def test_errors_of_burns_leave_what_they_must():
     ends = []
     for seed in range(24):
         motion = Flown(
-            plan=hop(), forces=Forces(), guidance=TwoImpulseGuidance(at_s=(1500.0, 2400.0)), thrusters=poor, seed=seed
+            plan=hop(), forces=POINT, guidance=TwoImpulseGuidance(at_s=(1500.0, 2400.0)), thrusters=poor, seed=seed
         )
         ends.append(motion.fly(START, chief()).find_miss_m())
     rms = math.sqrt(np.mean(np.square(ends)))

@@ -3,8 +3,6 @@
 import datetime
 import json
 import math
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -14,12 +12,12 @@ from rso_lidar import rpo, units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit import Catalog, ElementSet
 from rso_lidar.orbit.collision.foster import disc_probability
-from rso_lidar.processes import open_dask_client
 from rso_lidar.scenario import preview_mission
 from rso_lidar.study.dispersions import dispersed_mission
 from rso_lidar.study.dispersions.dispersed_mission import nees_bounds
 from rso_lidar.study.dispersions.kept_runs import identify_runs
 from rso_lidar.study.dispersions.start_errors import resolve_start_errors
+from tests.test_processes import Elsewhere
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 CHIEF = rl.Kepler(
@@ -40,7 +38,7 @@ def make_scenario(motion=None, dispersion=None, **time):
             or rpo.Hop(relative_to="plate", from_m=(0, -1000, 0), to_m=(0, -200, 0), duration_s=2500, keep_out_m=50),
             attitude=rl.LookAt(at="plate"),
         ),
-        lidar=rl.Lidar(preset="gsfl_1064"),
+        lidar=rl.Lidar(preset="gsfl_1064", detector=rl.Empirical()),  # its link budget costs nothing
         dispersion=dispersion
         or rl.Dispersion(
             position_sigma_m=(5, 10, 5), velocity_sigma_m_s=(0.01, 0.005, 0.005),
@@ -100,8 +98,8 @@ def test_collisions_are_as_likely_as_foster_says():
     """A fly-past at 1 m/s, 30 m off, with 20 m of error across: linear for minutes, which Foster (1992) assumes."""
     passing = rpo.Hill(relative_to="plate", position_m=(30.0, -60.0, 0.0), velocity_m_s=(0.0, 1.0, 0.0))
     dispersion = rl.Dispersion(position_sigma_m=(20.0, 5.0, 15.0), hard_body_radius_m=15.0)
-    scenario = make_scenario(passing, dispersion, duration_s=120.0, frame_rate_hz=1.0)
-    made = rl.study.disperse(scenario, 20_000)
+    scenario = make_scenario(passing, dispersion, duration_s=120.0, frame_rate_hz=0.5)
+    made = rl.study.disperse(scenario, 5000)
     share, low, high = made.probability("collision")
     path = np.stack([made.tubes[f"{axis}_m"] for axis in ("radial", "along", "cross")], axis=1)
     miss_m = path[np.argmin(np.linalg.norm(path, axis=1))]
@@ -112,7 +110,9 @@ def test_collisions_are_as_likely_as_foster_says():
 
 @pytest.mark.slow
 def test_spreads_are_those_of_flights_that_are_integrated_one_by_one():
-    """30 flights of `flown`, whose guidance shoots by integration: the error of a standard deviation is 13 %; 4 of them.
+    """20 flights of `flown`, whose guidance shoots by integration: the error of a standard deviation is 16 %.
+
+    3.5 of them: one in 360 that one of six standard deviations exceeds that by chance.
 
     150 flights of examples/dispersed_hop.toml agreed within 11 % in each axis at five instants.
     """
@@ -122,13 +122,13 @@ def test_spreads_are_those_of_flights_that_are_integrated_one_by_one():
         guidance=rpo.TwoImpulseGuidance(at_s=(800.0, 1900.0)),
         navigation=rpo.NavigationErrors(position_sigma_m=0.5, velocity_sigma_m_s=0.002),
     )
-    made = rl.study.disperse(make_scenario(motion, rl.Dispersion()), 250)
+    made = rl.study.disperse(make_scenario(motion, rl.Dispersion()), 2)
     place = [int(np.argmin(np.abs(made.tubes["time_s"] - at_s))) for at_s in (1500.0, 2900.0)]
     time_s = made.tubes["time_s"][place]
     nominal = motion.without_random_errors().fly(START, CHIEF).relative(time_s)[0]
-    flown = np.array([motion.with_seed(seed).fly(START, CHIEF).relative(time_s)[0] - nominal for seed in range(30)])
+    flown = np.array([motion.with_seed(seed).fly(START, CHIEF).relative(time_s)[0] - nominal for seed in range(20)])
     linear = np.stack([made.tubes[f"{axis}_linear_sigma_m"][place] for axis in ("radial", "along", "cross")], axis=1)
-    assert np.abs(flown.std(axis=0, ddof=1) / linear - 1.0).max() < 4.0 / np.sqrt(2.0 * 29.0)
+    assert np.abs(flown.std(axis=0, ddof=1) / linear - 1.0).max() < 3.5 / np.sqrt(2.0 * 19.0)
 
 
 FILTER = rpo.RelativeFilter(
@@ -162,12 +162,9 @@ def filtered(kept_folder):
     return rl.study.disperse(make_filtered(), 300, working=kept_folder)
 
 
-@pytest.mark.slow
-def test_workers_change_no_bit(mission, filtered):
-    few = rl.study.disperse(make_scenario(), 300, workers=2)
-    for name, column in few.table.items():
-        assert column.tobytes() == mission.table[name][:300].tobytes(), name
-    again = rl.study.disperse(make_filtered(), 300, workers=2)
+def test_workers_change_no_bit(filtered):
+    with Elsewhere() as executor:
+        again = rl.study.disperse(make_filtered(), 300, executor=executor)
     assert filtered.tubes["nees"].tobytes() == again.tubes["nees"].tobytes()
     assert filtered.table["delta_v_m_s"].tobytes() == again.table["delta_v_m_s"].tobytes()
 
@@ -193,16 +190,16 @@ def test_a_filter_is_dispersed_with_its_knowledge(filtered, kept_folder, tmp_pat
 
 @pytest.mark.slow
 def test_filtered_spreads_are_those_of_flights_that_are_integrated_one_by_one():
-    """30 flights of `flown` with filters of their own: the error of a standard deviation is 13 %; 4 of them."""
+    """20 flights of `flown` with filters of their own: the error of a standard deviation is 16 %; 3.5 of them, as above."""
     scenario = make_filtered(FILTER).replace(dispersion=rl.Dispersion())
     motion = scenario.follower.motion
-    made = rl.study.disperse(scenario, 250)
+    made = rl.study.disperse(scenario, 2)
     place = [int(np.argmin(np.abs(made.tubes["time_s"] - at_s))) for at_s in (1500.0, 2900.0)]
     time_s = made.tubes["time_s"][place]
     nominal = motion.without_random_errors().fly(START, CHIEF).relative(time_s)[0]
-    flown = np.array([motion.with_seed(seed).fly(START, CHIEF).relative(time_s)[0] - nominal for seed in range(30)])
+    flown = np.array([motion.with_seed(seed).fly(START, CHIEF).relative(time_s)[0] - nominal for seed in range(20)])
     linear = np.stack([made.tubes[f"{axis}_linear_sigma_m"][place] for axis in ("radial", "along", "cross")], axis=1)
-    assert np.abs(flown.std(axis=0, ddof=1) / linear - 1.0).max() < 4.0 / np.sqrt(2.0 * 29.0)
+    assert np.abs(flown.std(axis=0, ddof=1) / linear - 1.0).max() < 3.5 / np.sqrt(2.0 * 19.0)
 
 
 def test_a_dispersion_may_have_another_navigation():
@@ -394,7 +391,7 @@ def write_json(sets):
 def test_element_sets_state_a_covariance_by_name(sets):
     errors = {"type": "element_sets", "file": str(sets), "age_days": 1.0}
     scenario = make_scenario(dispersion=rl.Dispersion(target={"start": errors}))
-    found = rl.study.disperse(scenario, 300)
+    found = rl.study.disperse(scenario, 2)
     expected = rl.study.estimate_set_errors(list(Catalog.from_file(sets))).covariance_at(1.0)
     for k, axis in enumerate(("radial", "along", "cross")):
         assert found.tubes[f"{axis}_linear_sigma_m"][0] == pytest.approx(math.sqrt(expected[k, k]), rel=1e-9, abs=1e-6)
@@ -524,39 +521,25 @@ def check_equal(first, second):
         assert column.tobytes() == second.tubes[name].tobytes(), name
 
 
-@pytest.mark.slow
 def test_an_executor_changes_no_bit(mission):
-    with ThreadPoolExecutor(2) as threads:
-        check_equal(mission, rl.study.disperse(make_scenario(), 500, executor=threads))
-    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as processes:
-        check_equal(mission, rl.study.disperse(make_scenario(), 500, executor=processes))
+    with Elsewhere() as executor:
+        check_equal(mission, rl.study.disperse(make_scenario(), 500, executor=executor))
+        assert executor.submitted == 2
         with pytest.raises(ScenarioError, match=r"executor: needs an Executor of .* and no workers"):
-            rl.study.disperse(make_scenario(), 500, executor=processes, workers=2)
+            rl.study.disperse(make_scenario(), 500, executor=executor, workers=2)
     with pytest.raises(ScenarioError, match="executor: needs an Executor"):
         rl.study.disperse(make_scenario(), 500, executor=4)
 
 
-@pytest.mark.slow
-def test_dask_changes_no_bit(mission):
-    pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
-    with open_dask_client("local", 2) as client:
-        check_equal(mission, rl.study.disperse(make_scenario(), 500, executor=client.get_executor()))
-
-
-@pytest.mark.slow
 def test_corrections_that_arrive_after_the_last_frame_are_made():
     """A run that ends before its plan has, up to there, the dispersions of a longer one."""
+    scenario = make_filtered(rpo.NavigationErrors(position_sigma_m=0.5, velocity_sigma_m_s=0.002))
     short, long = (
-        rl.study.disperse(
-            rl.Scenario.load(
-                "examples/dispersed_hop.toml", (f"time.duration_s={duration_s}", "time.frame_rate_hz=0.02")
-            ),
-            runs=40,
-        )
-        for duration_s in (5400, 7200)
+        rl.study.disperse(scenario.replace(time=scenario.time.replace(duration_s=duration_s)), 40)
+        for duration_s in (1500, 3000)
     )
     ends = int(np.searchsorted(long.tubes["time_s"], short.tubes["time_s"][-1]))
-    assert short.tubes["time_s"][-1] == long.tubes["time_s"][ends] < 5400.0
+    assert short.tubes["time_s"][-1] == long.tubes["time_s"][ends] < 1900.0
     assert np.ptp(short.table["delta_v_m_s"]) > 0.1
     for axis in ("radial", "along", "cross"):
         name = f"{axis}_linear_sigma_m"

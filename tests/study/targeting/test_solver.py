@@ -196,7 +196,7 @@ def test_an_active_keep_out_costs_what_a_grid_says(tmp_path):
 
 def _least_range_m(push_m_s, time_s):
     path = []
-    for at_s in np.linspace(0.0, time_s, 101):
+    for at_s in np.linspace(0.0, time_s, 61):
         rr, rv, _, _ = clohessy_wiltshire(at_s)
         path.append(rr @ (0.0, -100.0, 0.0) + rv @ push_m_s)
     return np.linalg.norm(path, axis=1).min()

@@ -1,7 +1,6 @@
 """Trades worked through: against a closed form, whatever the workers, cut off and gone on."""
 
 import errno
-import json
 import math
 import os
 from dataclasses import replace
@@ -14,7 +13,7 @@ from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.mission_analysis.budgets.pixel_light import compute_photons
 from rso_lidar.scenario import Scenario
 from rso_lidar.study import Study, trade
-from rso_lidar.study.trades.execution import RowFile, identify, run_rows
+from rso_lidar.study.trades.execution import RowFile, identify
 from rso_lidar.study.trades.plan import make_trade_plan
 from rso_lidar.study.trades.ranking import (
     choose_pictured,
@@ -259,16 +258,6 @@ def test_workers_are_a_number(text, tmp_path):
 
 
 # -------------------------------------------------------------------------------------------- workers, and going on
-
-
-@pytest.mark.slow
-def test_rows_do_not_depend_on_workers_nor_on_their_order(text, tmp_path):
-    study = Study.load(folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5]")))
-    plan, _ = make_trade_plan(study, threads=1)
-    alone = {row["row"]: json.dumps(row) for row in run_rows(plan, {})}
-    several = {row["row"]: json.dumps(row) for row in run_rows(plan, {}, workers=2)}
-    assert json.dumps(plan.row(1)) == alone[1]
-    assert several == alone
 
 
 def test_what_was_cut_off_goes_on_and_ends_the_same(text, tmp_path):
