@@ -5,9 +5,19 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import Dark, Overwrite, TrustCode, choose_scheme
+from rso_lidar.cli.arguments import (
+    Dark,
+    Engine,
+    Overwrite,
+    Scheduler,
+    TrustCode,
+    Workers,
+    choose_scheduler,
+    choose_scheme,
+)
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
+from rso_lidar.processes import open_executor
 from rso_lidar.study import SolvedPlan, Targeter, solve_targeter
 
 
@@ -21,6 +31,9 @@ def targeter(
             help="File to write: solved scenario (.toml), table (.csv, .json), picture (.png); again for more.",
         ),
     ] = None,
+    workers: Workers = None,
+    engine: Engine = "pool",
+    scheduler: Scheduler = None,
     trust_code: TrustCode = False,
     dark: Dark = False,
     overwrite: Overwrite = False,
@@ -31,7 +44,10 @@ def targeter(
     """
     places = [check_writable(place, SolvedPlan.SUFFIXES, overwrite=overwrite) for place in output or ()]
     scheme = choose_scheme(dark, places)
-    plan = solve_targeter(Targeter.load(file), trust_code=trust_code)
+    by = choose_scheduler(engine, scheduler)
+    asked = Targeter.load(file)
+    with open_executor(workers, scheduler=by) as executor:
+        plan = solve_targeter(asked, executor=executor, trust_code=trust_code)
     for place in places:
         plan.save(place, scheme)
     echo(plan.describe())

@@ -13,6 +13,7 @@ import pytest
 
 from rso_lidar import processes
 from rso_lidar.study.trades import report
+from tests.study.targeting.targeting_for_tests import HOLD, IMPULSES, rendezvous, write
 from tests.study.trades.trade_for_tests import STUDY
 from tests.study.verification.requirements_for_tests import FILE
 from tests.test_processes import Elsewhere
@@ -28,6 +29,7 @@ COMMANDS = {
         *("budget", "gsfl_1064", "--set", 'lidar.detector.type="empirical"'),
         *("--find", "cubesat_3u", "--range", "1300m:1500m", "--attitudes", 4, "-o", "{place}/out.csv"),
     ),
+    "targeter": ("targeter", "targeter.toml", "-o", "{place}/out.csv"),
     "timeline": ("timeline", "bench.toml", "-o", "{place}/out.csv"),
 }
 KEPT_OUT = (".html",)  # the report of a trade says when it was made
@@ -39,6 +41,7 @@ def call(rso_lidar, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(report, "write_report", lambda *_: "a page")  # figures take longer than the work
     small = text.replace(" = 32", " = 16").replace("duration_s     = 2", "duration_s     = 1")
+    write(tmp_path, rendezvous(), IMPULSES + HOLD)
     files = (("run.toml", text), ("bench.toml", small), ("study.toml", TRADE), ("reqs.toml", FILE))
     for name, content in files:
         (tmp_path / name).write_text(content, encoding="utf-8")
@@ -69,6 +72,7 @@ class Pool(Elsewhere):
     [
         "trade",
         "budget",
+        "targeter",
         "timeline",
         *(pytest.param(name, marks=pytest.mark.slow) for name in ("requirements", "requirements-study")),
     ],

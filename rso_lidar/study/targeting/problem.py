@@ -11,6 +11,7 @@ import numpy as np
 
 from rso_lidar.errors import RsoLidarError, RunError, ScenarioError, SettingError, add_place, suppress_warnings
 from rso_lidar.part import parse_toml
+from rso_lidar.processes import SentFunction
 from rso_lidar.scenario import Scenario, apply_setting, get_field, read_toml
 from rso_lidar.study.targeting.flight_quantities import QUANTITIES, TargetedFlight
 from rso_lidar.study.targeting.targeter_file import Goal, Instant, Limit, Targeter
@@ -163,10 +164,11 @@ class TargetingProblem:
 
 
 class Flights:
-    """Flights of a problem that are remembered, so that no point is flown twice."""
+    """Flights of a problem that are remembered, so that no point is flown twice; workers fly those of a batch at once."""
 
-    def __init__(self, problem: TargetingProblem) -> None:
-        self.problem = problem
+    def __init__(self, problem: TargetingProblem, sent: SentFunction | None = None) -> None:
+        """Begin without flights; `sent` is `TargetingProblem.try_fly` in workers (None: this process flies)."""
+        self.problem, self._sent = problem, sent
         self._known: dict[tuple[float, ...], np.ndarray | str] = {}
         self.last_failure = ""
 
@@ -179,8 +181,12 @@ class Flights:
         """Fly scaled points (point, variable); None in place of the values where one cannot be flown."""
         keys = [self.problem.find_values(point) for point in points]
         new = [key for key in dict.fromkeys(keys) if key not in self._known]
-        for key in new:
-            outcome = self._known[key] = self.problem.try_fly(key)
+        if self._sent is None or len(new) < 2:
+            flown = [self.problem.try_fly(key) for key in new]
+        else:
+            flown = [self._sent.result(future) for future in [self._sent.submit(key) for key in new]]
+        for key, outcome in zip(new, flown, strict=True):
+            self._known[key] = outcome
             if isinstance(outcome, str):
                 self.last_failure = outcome
         outcomes = (self._known[key] for key in keys)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import Executor
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -12,9 +14,10 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import align_columns, check_writable, write_atomically, write_columns
 from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, save_figure
+from rso_lidar.processes import check_workers, open_executor, send_function
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.targeting.flight_quantities import QUANTITIES, TargetedFlight
-from rso_lidar.study.targeting.problem import TargetingProblem, make_problem
+from rso_lidar.study.targeting.problem import Flights, TargetingProblem, make_problem
 from rso_lidar.study.targeting.solver import list_active, search
 from rso_lidar.study.targeting.targeter_file import Targeter
 from rso_lidar.study.targeting.targeting_figure import DrawnFlight, targeting_figure
@@ -209,6 +212,8 @@ class SolvedPlan:
 def solve_targeter(
     targeter: Targeter | str | Path,
     *,
+    workers: int | None = None,
+    executor: Executor | None = None,
     trust_code: bool = False,
 ) -> SolvedPlan:
     """Solve a targeter: find values of a scenario's fields at which its flight meets goals and limits.
@@ -221,6 +226,8 @@ def solve_targeter(
     Parameters
     ----------
     targeter : the targeter, or the path of its file
+    workers : number of processes that fly the flights of a difference at once; the result does not depend on it
+    executor : in the manner of `concurrent.futures`, in place of `workers`; as for `simulate`
     trust_code : whether Python code that the scenario names may run
 
     Returns
@@ -238,7 +245,11 @@ def solve_targeter(
         targeter = Targeter.load(targeter)
     if not isinstance(targeter, Targeter):
         raise ScenarioError(f"targeter: needs a Targeter or the path of its file, not {type(targeter).__name__}")
+    check_workers(workers, executor)
     problem = make_problem(targeter, trust_code=trust_code)
-    ending = search(problem)
+    with ExitStack() as stack:
+        opened = stack.enter_context(open_executor(workers, executor=executor))
+        sent = None if opened is None else stack.enter_context(send_function(problem.try_fly, opened))
+        ending = search(Flights(problem, sent))
     values = problem.find_values(ending.point)
     return SolvedPlan(problem, values, ending.start_values, ending.values, ending.iterations, ending.flights)

@@ -140,9 +140,9 @@ class _ScaledProblem:
         return float(missed), self.cost(point)
 
 
-def search(problem: TargetingProblem) -> Search:
+def search(flights: Flights) -> Search:
     """Search for the point that meets all goals and limits; raise `ScenarioError` where none is reached."""
-    scaled = _ScaledProblem(Flights(problem))
+    problem, scaled = flights.problem, _ScaledProblem(flights)
     point, iterations = _correct(scaled, scaled.start)  # SLSQP is fragile far from its equalities
     if problem.targeter.chosen_method != "corrector":
         point, more = _descend(scaled, point)
