@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import CatalogError, ScenarioError, quote_value
+from rso_lidar.errors import CatalogError, PropagationError, ScenarioError, quote_value
 from rso_lidar.mission_analysis.passes.search_objects import check_names, list_names
 from rso_lidar.mission_analysis.passes.set_errors import SetErrors, estimate_set_errors
 from rso_lidar.orbit import (
@@ -207,6 +207,11 @@ class CovarianceSources:
         away_s = _find_distance_s(source, epochs) if isinstance(source, CovarianceHistory) else 0.0
         if 0.0 < away_s <= _NEAR_S:
             return source.at(epochs, beyond="two_body")[0], f"{words}, propagated by {away_s:.3g} s"
+        if away_s > _NEAR_S and source.has_velocity:
+            raise PropagationError(
+                f"covariance of {source.label} ({source.source}) is {away_s / 3600.0:,.3g} h from the closest approach; "
+                f"give one within {_NEAR_S / 60.0:g} minutes of it"
+            )
         covariance = to_real_array(source.at(epochs))
         if covariance is None or covariance.shape != (1, 6, 6):
             raise ScenarioError("its source does not answer at(epochs) with covariances (time, 6, 6); correct it")

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.mission_analysis.passes.covariance_sources import CovarianceSources
 from rso_lidar.orbit import (
+    Catalog,
     ConjunctionMessage,
     Epochs,
     NamedTrajectory,
@@ -55,6 +57,15 @@ def test_a_message_has_the_probability_of_its_encounter():
     assert rows[0].collision.collision_probability == pytest.approx(known.foster, rel=1e-4)
     assert rows[1].collision.collision_probability == pytest.approx(known.foster, rel=1e-4)  # the objects swapped
     assert rows[0].collision.integral_probability == pytest.approx(known.integral.probability, rel=1e-3)
+
+
+def test_a_message_of_another_day_is_no_source_and_the_reason_says_what_to_give():
+    catalog = Catalog.from_file(FLYBY)
+    later = Epochs(START + datetime.timedelta(days=1), np.zeros(1))
+    sources = CovarianceSources(shipped("tle/flyby.cdm"), list(catalog))
+    state = catalog.trajectory(99003).states(later)
+    with pytest.raises(PropagationError, match=r"23\.8 h from the closest approach; give one within 15 minutes of it$"):
+        sources.find(catalog.objects()[99003], 1.0, later, state)
 
 
 class AtOnce:
