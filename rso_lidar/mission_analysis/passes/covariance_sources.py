@@ -20,7 +20,6 @@ from rso_lidar.orbit import (
     ConjunctionMessage,
     CovarianceHistory,
     ElementSet,
-    Ephemeris,
     Epochs,
     NamedTrajectory,
     is_message_of,
@@ -227,7 +226,8 @@ class CovarianceSources:
             if not first.source or first.source.lower().endswith(".toml"):
                 raise ScenarioError("no covariance is known; give one with epochs, such as an OEM, for this name")
             # The name that the trajectory was given: another name of the same file would repeat its warnings.
-            path = first.trajectory.file if isinstance(first.trajectory, Ephemeris) else first.source
+            file = str(getattr(first.trajectory, "file", ""))
+            path = file if file and Path(file).resolve() == Path(first.source).resolve() else first.source
             return self._read_message(path, first.name_in_source or first.name)
         if first.identity in self._errors:
             return self._errors[first.identity]
