@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
 usage_error: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
@@ -85,6 +85,21 @@ class _Commands(TyperGroup):
                 formatter.write_dl([(f"{name:{width}}", sentence) for name, sentence in section.items()])
 
 
+class _OneOutput(TyperCommand):
+    """A command that refuses a second output where it writes one, since click drops the first without a word."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words of a call."""
+        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        if not ctx.resilient_parsing:
+            for option in self.params:
+                if "--output" in option.opts and not option.multiple and given.count(option) > 1:
+                    from rso_lidar.errors import ScenarioError
+
+                    raise ScenarioError("-o: is given twice, and this command takes one; give it once")
+        return super().parse_args(ctx, args)
+
+
 def load_command(name: str) -> Callable[..., None] | typer.Typer:
     """Return the function of a command, or the application of a group of commands."""
     module = importlib.import_module(f"rso_lidar.cli.{name}")
@@ -98,6 +113,8 @@ def _build_command(name: str) -> Any:
     if not isinstance(typer_app, typer.Typer):
         typer_app, function = typer.Typer(rich_markup_mode=None, add_completion=False), typer_app
         typer_app.command(name)(function)
+    for registered in typer_app.registered_commands:
+        registered.cls = _OneOutput
     click_command = typer.main.get_command(typer_app)
     click_command.name = name
     return click_command

@@ -6,10 +6,11 @@ from typing import Annotated
 import typer
 
 from rso_lidar.cli import dataset_check, dataset_export, dataset_make, dataset_score
+from rso_lidar.cli.default_command import WholeSentences
 from rso_lidar.cli.terminal import echo
 from rso_lidar.dataset import publish as write_publication
 
-app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=True)
+app = typer.Typer(cls=WholeSentences, rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=True)
 
 
 @app.callback()

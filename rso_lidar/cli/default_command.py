@@ -5,6 +5,15 @@ from typing import Any
 from typer.core import TyperGroup
 
 
+class WholeSentences(TyperGroup):
+    """A group whose help prints the first sentence of each command whole, where click cuts it to one line."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Print the list of commands."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, command.get_short_help_str(1000)) for name, command in self.commands.items()])
+
+
 def default_to(default: str) -> type[TyperGroup]:
     """Make the class of a group in which a first word that is no command is the first argument of the default command.
 
@@ -13,7 +22,7 @@ def default_to(default: str) -> type[TyperGroup]:
     default : name of the command
     """
 
-    class WithDefault(TyperGroup):
+    class WithDefault(WholeSentences):
         """A group of commands with a default."""
 
         def resolve_command(self, ctx: Any, args: list[str]) -> Any:

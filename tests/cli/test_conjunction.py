@@ -13,6 +13,7 @@ def test_probabilities_and_a_scenario(rso_lidar, tmp_path):
     status, out, err = rso_lidar("conjunction", "tle/flyby.cdm", "--samples", 20_000, "-o", place)
     assert (status, err) == (0, [])
     assert re.search(r"^miss distance    120\.0 m", out, re.MULTILINE)
+    assert re.search(r"along-track 113\.1, cross-track 0\.0 m", out)  # not -0.0
     assert re.search(r"^Pc by Foster     0\.0008\d+$", out, re.MULTILINE)
     assert re.search(r"^Pc, Monte Carlo  0\.000\d+, standard error .* of 20,000 draws", out, re.MULTILINE)
     assert out.splitlines()[-1] == str(place)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from rso_lidar.cli.app import COMMANDS, app, load_command
+from rso_lidar.cli.app import COMMANDS, GROUPS, app, load_command
 from rso_lidar.export.registry import FORMAT_SUFFIXES
 from tests.house.test_start import LATER
 
@@ -58,6 +58,33 @@ def test_help_says_every_word_as_it_is_written(rso_lidar, monkeypatch, words, fu
         for more in typing.get_args(hint):
             if isinstance(more, typer.models.ParameterInfo):
                 assert " ".join(more.help.split()) in flat
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_a_group_prints_the_first_sentence_of_each_command_whole(rso_lidar, group):
+    _, shown, _ = rso_lidar(group, "--help")
+    commands = shown[shown.index("Commands:") :]
+    flat = " ".join(commands.split())
+    assert "..." not in flat
+    for command in load_command(group).registered_commands:
+        sentence = " ".join(inspect.getdoc(command.callback).split("\n\n")[0].split())
+        assert f"{command.name} {sentence.split('. ')[0]}" in flat
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("encounters", "tle/flyby.tle", "--within", "1km", "--start", "2024-09-17T11:00:00Z", "--follower", "99003"),
+        ("dataset", "make", "none.toml"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_second_output_is_refused_where_a_command_writes_one(rso_lidar, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    status, printed, errors = rso_lidar(*words, "-o", "a.csv", "--output", "a.png")
+    assert (status, printed) == (2, "")
+    assert errors == ["error: -o: is given twice, and this command takes one; give it once"]
+    assert not list(tmp_path.iterdir())
 
 
 def test_without_words_it_prints_its_help(rso_lidar):

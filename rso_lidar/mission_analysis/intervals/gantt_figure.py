@@ -42,7 +42,8 @@ def gantt_figure(
     days = duration_s / 86400.0
     for row, (_, spans, colour) in enumerate(shown):
         bars = [(begin + from_s / 86400.0, max((to_s - from_s) / 86400.0, _LEAST * days)) for from_s, to_s in spans]
-        axes.broken_barh(bars, (row - 0.36, 0.72), facecolors=figures.colour_of(colour)[0], lw=0)
+        drawn = axes.broken_barh(bars, (row - 0.36, 0.72), facecolors=figures.colour_of(colour)[0], lw=0)
+        drawn.set_snap(False)  # short bars of equal length look alike, where whole pixels would alternate by one
     axes.set_axisbelow(True)  # the grid, below the bars
     axes.set_ylim(max(len(shown), 1) - 0.4, -0.6)
     axes.set_yticks(range(len(shown)), [figures.shorten(name, _NAME_LETTERS) for name, *_ in shown])

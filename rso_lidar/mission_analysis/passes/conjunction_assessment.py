@@ -69,7 +69,7 @@ class ConjunctionAssessment:
 
     def text(self) -> str:
         """Return the assessment as lines of text."""
-        message, place = self.message, self.position_rtn_m
+        message, place = self.message, np.round(self.position_rtn_m, 1) + 0.0  # no -0.0
         lines = [
             f"{message.first.label} and {message.second.label}, closest approach {format_utc(message.tca_utc, 0.0)}",
             f"miss distance    {self.miss_m:,.1f} m, standard deviation along it {self.miss_sigma_m:,.1f} m"

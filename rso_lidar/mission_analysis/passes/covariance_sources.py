@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import CatalogError, ScenarioError, quote_value
+from rso_lidar.errors import CatalogError, PropagationError, ScenarioError, quote_value
 from rso_lidar.mission_analysis.passes.search_objects import check_names, list_names
 from rso_lidar.mission_analysis.passes.set_errors import SetErrors, estimate_set_errors
 from rso_lidar.orbit import (
@@ -207,6 +207,11 @@ class CovarianceSources:
         away_s = _find_distance_s(source, epochs) if isinstance(source, CovarianceHistory) else 0.0
         if 0.0 < away_s <= _NEAR_S:
             return source.at(epochs, beyond="two_body")[0], f"{words}, propagated by {away_s:.3g} s"
+        if away_s > _NEAR_S and source.has_velocity:
+            raise PropagationError(
+                f"covariance of {source.label} ({source.source}) is {away_s / 3600.0:,.3g} h from the closest approach; "
+                f"give one within {_NEAR_S / 60.0:g} minutes of it"
+            )
         covariance = to_real_array(source.at(epochs))
         if covariance is None or covariance.shape != (1, 6, 6):
             raise ScenarioError("its source does not answer at(epochs) with covariances (time, 6, 6); correct it")
@@ -220,7 +225,10 @@ class CovarianceSources:
         if isinstance(first, NamedTrajectory):
             if not first.source or first.source.lower().endswith(".toml"):
                 raise ScenarioError("no covariance is known; give one with epochs, such as an OEM, for this name")
-            return self._read_message(first.source, first.name_in_source or first.name)
+            # The name that the trajectory was given: another name of the same file would repeat its warnings.
+            file = str(getattr(first.trajectory, "file", ""))
+            path = file if file and Path(file).resolve() == Path(first.source).resolve() else first.source
+            return self._read_message(path, first.name_in_source or first.name)
         if first.identity in self._errors:
             return self._errors[first.identity]
         history = self._histories.get(first.identity, [])

@@ -11,9 +11,9 @@ from rso_lidar import units
 from rso_lidar.picture import colour_maps, figures, palette
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 _NAMED = 6  # number of nearest encounters that are named
 _PLACES = (
@@ -82,21 +82,8 @@ def encounter_figure(
             edgecolors=rim,
             zorder=3,
         )
-    busy: list[Artist] = []  # artists that names must not cover
     if reach_km:
-        line = axes.axhline(reach_km, color=palette.MARK, lw=figures.LINE_PT, ls="--", zorder=2)
-        label = axes.annotate(
-            f"lidar sees 1 m² to {reach_km:.3g} km",
-            (1.0, reach_km),
-            xycoords=("axes fraction", "data"),
-            xytext=(-2, 4),
-            textcoords="offset points",
-            ha="right",
-            fontsize=figures.SMALL_PT,
-            color=palette.INK,
-            bbox={"facecolor": palette.PAPER, "lw": 0, "pad": 1.0, "alpha": 0.8},
-        )
-        busy += [line, label]
+        axes.axhline(reach_km, color=palette.MARK, lw=figures.LINE_PT, ls="--", zorder=2)
     if spread:
         axes.set_yscale("log")
         bottom = max(nearest_km, 1e-4)
@@ -124,10 +111,10 @@ def encounter_figure(
             marker=marker,
             ms=6,
             mfc=palette.RULE,
-            mec=palette.QUIET if lit else palette.INK,
+            mec=rim,
             label=word,
         )
-        for marker, rim, word in (("o", palette.QUIET, "sunlit"), ("s", palette.INK, "in the Earth's shadow"))
+        for marker, rim, word in (("o", palette.PAPER, "sunlit"), ("s", palette.INK, "in the Earth's shadow"))
     ]
     axes.legend(
         handles=marks,
@@ -142,7 +129,9 @@ def encounter_figure(
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=[axes], fraction=0.035, pad=0.015, aspect=30)
         figures.style_bar(bar, f"Relative speed [{'m/s' if slow else 'km/s'}]")
+    figure.draw_without_rendering()  # the colour bar takes its room first
     points = np.stack([date2num(np.asarray(time_utc)), range_km], axis=1)  # type: ignore[no-untyped-call]
+    busy = [_write_reach(figure, axes, reach_km, points)] if reach_km else []  # boxes that names must not cover
     named: dict[str, int] = {}  # an object with several encounters is labelled once, at the nearest
     for k in np.argsort(range_km, kind="stable").tolist():
         named.setdefault(labels[k], k)
@@ -150,8 +139,44 @@ def encounter_figure(
     return figure
 
 
+def _write_reach(figure: Figure, axes: Axes, reach_km: float, points: np.ndarray) -> Bbox:
+    """Write the lidar's reach at the end and side of its line that cover the fewest points, and return the box."""
+    on_screen = axes.transData.transform(points) if len(points) else np.empty((0, 2))
+    room, margin = axes.get_window_extent(), _dot(figure)
+    ends = [(right, above) for above in (True, False) for right in (True, False)]
+    labels = [
+        axes.annotate(
+            f"lidar sees 1 m² to {reach_km:.3g} km",
+            (float(right), reach_km),
+            xycoords=("axes fraction", "data"),
+            xytext=(-2 if right else 2, 4 if above else -4),
+            textcoords="offset points",
+            ha="right" if right else "left",
+            va="baseline" if above else "top",
+            fontsize=figures.SMALL_PT,
+            color=palette.INK,
+            bbox={"facecolor": palette.PAPER, "lw": 0, "pad": 1.0, "alpha": 0.8},
+        )
+        for right, above in ends
+    ]
+    boxes = [label.get_window_extent() for label in labels]
+    covered = [
+        (not (room.y0 <= box.y0 and box.y1 <= room.y1), int(box.padded(margin).count_contains(on_screen)))
+        for box in boxes
+    ]
+    best = covered.index(min(covered))
+    for label in labels[:best] + labels[best + 1 :]:
+        label.remove()
+    return boxes[best]
+
+
+def _dot(figure: Figure) -> float:
+    """Return half the width of a mark [pixels]."""
+    return 5.0 * figure.dpi / 72.0
+
+
 def _write_names(
-    figure: Figure, axes: Axes, points: np.ndarray, named: Sequence[tuple[int, str]], busy: Sequence[Artist]
+    figure: Figure, axes: Axes, points: np.ndarray, named: Sequence[tuple[int, str]], busy: Sequence[Bbox]
 ) -> None:
     """Write the names of the first few points (point, [x, y]) where they cover no point and no other name."""
     from matplotlib.text import Text
@@ -159,11 +184,10 @@ def _write_names(
 
     if not len(points):
         return
-    figure.draw_without_rendering()  # the colour bar takes its room first
     on_screen = axes.transData.transform(points)
-    dot = 5.0 * figure.dpi / 72.0
+    dot = _dot(figure)
     taken = [Bbox.from_extents(x - dot, y - dot, x + dot, y + dot) for x, y in on_screen]
-    taken += [artist.get_window_extent() for artist in busy]
+    taken += busy
     room = axes.get_window_extent()
     written = 0
     for k, label in named:

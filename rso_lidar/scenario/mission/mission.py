@@ -306,7 +306,9 @@ class Mission(Part):
         """
         path = find(name, self._folder)
         if path is None:
-            beside = f"beside the scenario ({self._folder})" if self._folder else "in the working folder"
+            beside = (
+                f"beside the scenario ({self._folder})" if str(self._folder or ".") != "." else "in the working folder"
+            )
             raise ScenarioError(f"no file '{name}' {beside} nor among the shipped data; check the name")
         return path
 

@@ -41,7 +41,7 @@ def load_preset_file(name: str, folder: Path | None = None) -> dict[str, Any]:
     """
     path = find(name, folder)
     if path is None:
-        beside = f"beside the scenario ({folder})" if folder else "in the working folder"
+        beside = f"beside the scenario ({folder})" if str(folder or ".") != "." else "in the working folder"
         raise ScenarioError(f"no preset file '{name}' {beside}; check the name")
     tables = parse_toml(
         read_text(path, MOST_TOML_BYTES, ScenarioError, "preset file (.toml)"), path.name, ScenarioError

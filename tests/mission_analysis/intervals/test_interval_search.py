@@ -18,6 +18,7 @@ from rso_lidar.mission_analysis.intervals.expression import (
     find_in_windows,
     parse_expression,
 )
+from rso_lidar.mission_analysis.intervals.gantt_figure import gantt_figure
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
 from rso_lidar.orbit import GroundStation, NamedTrajectory
 from rso_lidar.shipped import shipped
@@ -296,3 +297,10 @@ def test_one_object_alone_has_no_events():
     (entry,) = rl.orbit.Catalog.from_text("\n".join(TERRASAR))
     with pytest.raises(CatalogError, match="events need two or more objects"):
         rl.study.events([entry], start_utc=START)
+
+
+def test_short_bars_are_not_snapped_to_pixels():
+    """Snapped, a hundred bars of 10 minutes a week are two or three pixels wide in turn, as if they lasted longer."""
+    bars = [(6000.0 * k, 6000.0 * k + 600.0) for k in range(100)]
+    (axes,) = gantt_figure([("see", bars, 0)], np.datetime64("2024-09-17T00:00:00"), 6e5, "Events").axes
+    assert [drawn.get_snap() for drawn in axes.collections] == [False]

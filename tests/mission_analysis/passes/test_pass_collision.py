@@ -7,15 +7,20 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.mission_analysis.passes.covariance_sources import CovarianceSources
 from rso_lidar.orbit import (
+    Catalog,
     ConjunctionMessage,
+    CovarianceHistory,
+    Ephemeris,
     Epochs,
     NamedTrajectory,
     State,
     UncertainState,
     foster_probability,
     sample_collisions,
+    write_oem,
 )
 from rso_lidar.shipped import shipped
 from rso_lidar.study import SetErrorTable, assess_conjunction, encounters
@@ -55,6 +60,27 @@ def test_a_message_has_the_probability_of_its_encounter():
     assert rows[0].collision.collision_probability == pytest.approx(known.foster, rel=1e-4)
     assert rows[1].collision.collision_probability == pytest.approx(known.foster, rel=1e-4)  # the objects swapped
     assert rows[0].collision.integral_probability == pytest.approx(known.integral.probability, rel=1e-3)
+
+
+def test_a_message_of_another_day_is_no_source_and_the_reason_says_what_to_give():
+    catalog = Catalog.from_file(FLYBY)
+    later = Epochs(START + datetime.timedelta(days=1), np.zeros(1))
+    sources = CovarianceSources(shipped("tle/flyby.cdm"), list(catalog))
+    state = catalog.trajectory(99003).states(later)
+    with pytest.raises(PropagationError, match=r"23\.8 h from the closest approach; give one within 15 minutes of it$"):
+        sources.find(catalog.objects()[99003], 1.0, later, state)
+
+
+def test_an_ephemeris_keeps_its_name_where_its_covariance_is_read(tmp_path, monkeypatch):
+    """Its warnings are the same text then, and are shown once."""
+    monkeypatch.chdir(tmp_path)
+    orbit, epochs = Catalog.from_file(FLYBY).trajectory(99003), Epochs(START, np.arange(0.0, 50.0, 5.0))
+    history = CovarianceHistory.from_axes("OURS", orbit, epochs, np.tile(np.eye(6), (10, 1, 1)), "rtn")
+    write_oem("a.oem", "OURS", "2024-002C", epochs, orbit.states(epochs), covariances=history)
+    entry = NamedTrajectory("OURS", Ephemeris(file="a.oem"), source=str(tmp_path / "a.oem"))
+    later = Epochs(START + datetime.timedelta(hours=3), np.zeros(1))
+    with pytest.raises(PropagationError, match=r"^covariance of OURS \(a\.oem\) is"):
+        CovarianceSources(None, [entry]).find(entry, np.nan, later, orbit.states(later))
 
 
 class AtOnce:

@@ -198,6 +198,19 @@ def test_the_figure_shows_the_whole_window_and_names_an_object_once():
     assert figure.axes[1].get_ylabel() == "Relative speed [m/s]"
 
 
+def test_the_reach_is_written_where_it_covers_no_encounter():
+    """Encounters that drift away cross the line of the reach at its right end."""
+    hours = np.arange(160)
+    times = np.datetime64("2024-09-17T00:00:00", "ms") + hours.astype("timedelta64[h]")
+    range_m, dark = 1e2 + 54.0 * hours, hours % 2 == 0
+    figure = encounter_figure(times, range_m, np.full(160, 5.0), dark, ["STAGE"] * 160, 1e4, 8.09e3)
+    figure.canvas.draw()
+    axes = figure.axes[0]
+    (label,) = [text for text in axes.texts if text.get_text() == "lidar sees 1 m² to 8.09 km"]
+    points = np.concatenate([axes.transData.transform(dots.get_offsets()) for dots in axes.collections])
+    assert not label.get_window_extent().count_contains(points)
+
+
 def test_names_cover_no_point_and_no_other_name():
     rng = np.random.default_rng(11)
     minutes = rng.integers(0, 1440, 60)

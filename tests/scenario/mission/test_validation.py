@@ -1,9 +1,12 @@
 """What a bad scenario gets: one line that names file, place, what is wrong and what to do."""
 
+from pathlib import Path
+
 import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import FieldError, RsoLidarError, ScenarioError, SettingError, add_place
+from rso_lidar.shipped import shipped
 
 ORBIT = (
     'motion = { type = "kepler", epoch_utc = 2024-09-17T12:00:00Z, semi_major_axis_km = 7000, eccentricity = 0.001, '
@@ -203,3 +206,16 @@ def test_an_error_says_to_a_program_what_was_wrong(text):
     assert wrong == {"lidar.laser": "greater_than", "ptu.response": "float_type"}
     with pytest.raises(SettingError, match="no entry 'plane'"):
         rl.Scenario.loads(text, settings=("target.plane.scale=2",))
+
+
+def test_a_file_that_is_missing_in_the_working_folder_is_said_so(tmp_path, monkeypatch):
+    """Not `beside the scenario (.)`."""
+    monkeypatch.chdir(tmp_path)
+    text = (
+        shipped("examples/bench_plate.toml")
+        .read_text(encoding="utf-8")
+        .replace('model    = "plate"', 'model = "gone.glb"')
+    )
+    Path("bench.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"no file 'gone\.glb' in the working folder nor among the shipped data"):
+        rl.Scenario.load("bench.toml").describe()
