@@ -133,7 +133,7 @@ def assert_agree_with_lattices(name, n, number, most):
     exact = polygons(scene)
     touched = find_touched(scene.surfaces, scene.truth, scene.receiver)
     is_lit = exact[touched] > 0.0
-    pixels = np.concatenate([draw_pixels(touched[is_lit], 20), draw_pixels(touched[~is_lit], 5)])
+    pixels = np.concatenate([draw_pixels(touched[is_lit], 40), draw_pixels(touched[~is_lit], 5)])
     shifts = np.random.default_rng(35).random((number, 2))  # random shifts leave no bias (Cranley and Patterson 1976)
     lattices = np.array([lattice_photons(*scene, n, shift, pixels)[pixels] for shift in shifts])
     exact = exact[pixels]
