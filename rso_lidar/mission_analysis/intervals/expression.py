@@ -220,7 +220,9 @@ class _Parser:
 
     def _parse_argument(self) -> str:
         """Parse a word, or a number with its unit."""
-        kind, text, _ = self._next("an argument")
+        kind, text, place = self._next("an argument")
+        if kind not in ("word", "number", "axis"):
+            raise self._wrong(place, "comes where an argument is needed")
         if kind == "number" and self._at < len(self._tokens) and self._tokens[self._at][0] == "word":
             text += self._next("a unit")[1]
         return text
@@ -263,6 +265,6 @@ class _Parser:
         return self._tokens[self._at - 1]
 
     def _wrong(self, place: int, why: str) -> ScenarioError:
-        rest = self._text[place:].split(" ")[0][:40] or "the end"
+        rest = self._text[place:].strip().split(" ")[0][:40] or "the end"
         cure = "" if ";" in why or "?" in why else "; correct it"
         return ScenarioError(f"when '{self._text:.80}': '{rest}' {why}{cure}")

@@ -59,7 +59,9 @@ def test_and_binds_more_than_or_and_not_most():
         ("(lit", "where ')' is needed"),
         ("lit)", "is one too many"),
         ("and lit", "'and' is not a condition"),
-        ("lit & lit", "is not understood"),
+        ("lit & lit", "'&' is not understood"),
+        ("contact()", "')' comes where an argument is needed"),
+        ("contact(Graz,)", "')' comes where an argument is needed"),
         ("not " * 60 + "lit", "nested too deeply"),
     ],
 )
