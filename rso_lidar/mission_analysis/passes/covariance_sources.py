@@ -33,6 +33,7 @@ from rso_lidar.records import BodyState
 
 # Two-body motion propagates sigmas to 1 % over 15 minutes in low orbit, against an integration about the oblate Earth.
 _NEAR_S = 900.0
+_MOST = 1e12  # m, m/s: beyond any orbit about the Earth
 _COLUMNS = ("age_days", "radial_m", "along_m", "cross_m")
 _SPEED_COLUMNS = ("radial_m_s", "along_m_s", "cross_m_s")
 
@@ -68,6 +69,10 @@ class SetErrorTable:
             raise ScenarioError(f"{self.source}: standard deviations need 3 or 6 numbers of 0 or more for each age")
         if not np.isfinite(sigma).all() or not np.isfinite(ages).all():
             raise ScenarioError(f"{self.source}: holds a value that is not finite; correct it")
+        if (sigma > _MOST).any():
+            raise ScenarioError(
+                f"{self.source}: {sigma.max():g} m is no standard deviation of an orbit; give at most {_MOST:g} m or m/s"
+            )
         object.__setattr__(self, "age_days", ages.astype(float))
         object.__setattr__(self, "sigma", sigma.astype(float))
 
@@ -100,14 +105,21 @@ class SetErrorTable:
         lacking = [name for name in names if name not in heads]
         if lacking:
             raise ScenarioError(f"{where}: has no column {', '.join(lacking)}; give all three velocities, or none")
+        if any(heads.count(name) > 1 for name in names):
+            raise ScenarioError(f"{where}: line 1: has a column twice; remove one")
         numbers = []
         for line, row in enumerate(rows[1:], start=2):
             if not any(cell.strip() for cell in row):
                 continue
             try:
-                numbers.append([float(row[heads.index(name)]) for name in names])
+                values = [float(row[heads.index(name)]) for name in names]
             except (IndexError, ValueError):
                 raise ScenarioError(f"{where}: line {line}: is no row of {len(names)} numbers; correct it") from None
+            if len(row) > len(heads):
+                raise ScenarioError(f"{where}: line {line}: has {len(row)} cells under {len(heads)} heads; correct it")
+            numbers.append(values)
+        if not numbers:
+            raise ScenarioError(f"{where}: has no rows; give at least one")
         table = np.array(numbers, dtype=float).reshape(-1, len(names))
         return cls(where, table[:, 0], table[:, 1:])
 
@@ -166,7 +178,10 @@ class CovarianceSources:
         listed = list(given.items()) if isinstance(given, Mapping) else _list_sources(given)
         for source in listed:
             name, source = source if isinstance(source, tuple) and len(source) == 2 else ("", source)
-            self._add(str(name).strip(), source)
+            name = str(name).strip()
+            if name.casefold() in {stated.casefold() for stated in self._stated}:
+                raise ScenarioError(f"covariances: '{name}' is given twice; give one source for each object")
+            self._add(name, source)
         check_names("covariances", self._stated, entries)
 
     def find(self, entry: Any, age_days: float, epochs: Epochs, state: BodyState) -> tuple[np.ndarray, str]:
