@@ -18,6 +18,7 @@ from rso_lidar.cli.arguments import (
     name_options,
     parse_instant,
     parse_length_m,
+    refuse_inputs,
 )
 from rso_lidar.cli.table import PrintedTable
 from rso_lidar.cli.terminal import echo
@@ -134,6 +135,7 @@ def events(
         follower = str(catalog[0])
     chosen = check_settings(settings, (*catalog, follower, lidar))
     outputs = _check_outputs(output or [], scenario, overwrite)
+    refuse_inputs(outputs, (*catalog, follower, lidar))
     scheme = choose_scheme(dark, outputs)
     start_utc = None if start is None else parse_instant("--start", start)
     stations = [_parse_station(text) for text in station or ()]

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import Dark, Overwrite, TrustCode, choose_scheme
+from rso_lidar.cli.arguments import Dark, Overwrite, TrustCode, choose_scheme, refuse_inputs
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
 from rso_lidar.study import SolvedPlan, Targeter, solve_targeter
@@ -30,6 +30,7 @@ def targeter(
     The flight has the motion and forces of the scenario. With `minimize`, the plan of least delta-v nearby is found.
     """
     places = [check_writable(place, SolvedPlan.SUFFIXES, overwrite=overwrite) for place in output or ()]
+    refuse_inputs(places, [file])
     scheme = choose_scheme(dark, places)
     plan = solve_targeter(Targeter.load(file), trust_code=trust_code)
     for place in places:

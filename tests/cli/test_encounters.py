@@ -269,6 +269,15 @@ def test_the_follower_of_a_scenario_and_what_its_lidar_gets(call, tmp_path):
     assert float(row["found_probability"]) >= float(row["best_probability"]) > 0.9
 
 
+def test_an_input_is_no_output(call, tmp_path):
+    catalog = tmp_path / "a.csv"
+    text = Path(FLYBY).read_bytes()
+    catalog.write_bytes(text)
+    with pytest.raises(RsoLidarError, match=r"a\.csv: is an input of this command; give another name"):
+        call(catalog, *ASKED, "-o", catalog, "--overwrite")
+    assert catalog.read_bytes() == text
+
+
 def test_neither_follower_nor_pairs(call):
     with pytest.raises(RsoLidarError, match="needs the object with the lidar; give --follower or --all-pairs"):
         call(FLYBY, *PAIRS)
