@@ -202,7 +202,7 @@ def _parse_station(text: str) -> GroundStation:
         latitude_deg, longitude_deg, height_m, least_deg = (*numbers, 0.0, 0.0)[:4]
         return GroundStation(latitude_deg, longitude_deg, height_m, least_deg, name=name.strip())
     except ScenarioError as error:
-        raise ScenarioError(f"--station {error}") from None
+        raise ScenarioError(f"--{error}") from None
 
 
 def _load_instrument(text: str, settings: tuple[str, ...]) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def test_nothing_found_is_no_error(call, tmp_path):
         (["--station", "Graz=47"], "--station Graz=47: is not a station"),
         (["--set", "name=x"], "--set name=x: changes scenarios, and none of the files is one; leave it out"),
         (["--lidar", HOP, "--set", "lidar.laser.energy=1"], "lidar.laser: unknown key 'energy'"),
-        (["--station", "G=100,2"], "--station station G: latitude_deg: 100.0 is not within 90"),
+        (["--station", "G=100,2"], "--station G: latitude_deg: 100.0 is not within 90"),
         (["--all-pairs"], "exclude each other"),
         (["--days", "90"], "--days: 90 is not a time span"),
         (["--keep-out", "0m"], "--keep-out 0m: is not a radius"),
