@@ -192,6 +192,11 @@ def fit(
                 f"note: {used.n_rejected:,} of {len(used.used):,} measurements do not fit these forces; where the recorded "
                 "motion is two-body (kepler, state and hill motions are), give --zonal-degree 0"
             )
+    if target_orbit is not None:
+        echo(
+            "note: errors of the follower's orbit are errors of the target's, too; commands that take both as independent, "
+            "such as encounters, overstate the errors of the relative state"
+        )
     time_s = np.concatenate([used.time_s for used in fits])
     if output is not None:
         _write_orbit(output, orbit, "follower", time_s)

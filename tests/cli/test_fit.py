@@ -70,6 +70,7 @@ def test_orbits_of_a_fit_are_written_with_covariances_that_others_read(call, rso
     options = (stage, "--zonal-degree", "0", "--range-noise", "0.05")
     status, said, _ = call(*options, "-o", own, "--target-orbit", target)
     assert status == 0 and said.splitlines()[-2:] == [str(own), str(target)]
+    assert "note: errors of the follower's orbit are errors of the target's, too" in said
     assert call(*options, "--target-orbit", single)[0] == 0
     follower, approached, at_epoch = (rl.orbit.read_covariances(file) for file in (own, target, single))
     assert (follower.label, approached.label) == ("follower", "stage")
