@@ -10,7 +10,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.cli import encounters as command
 from rso_lidar.cli import table
-from rso_lidar.errors import RsoLidarError
+from rso_lidar.errors import RsoLidarError, RsoLidarWarning
 from rso_lidar.orbit import Catalog, Epochs, Fleet, State, orbit_state_matrix, write_oem, write_opm
 from rso_lidar.records import BodyState
 from rso_lidar.shipped import shipped
@@ -334,8 +334,12 @@ def test_messages_give_the_probability_of_a_table_with_their_sigmas(call, tmp_pa
 
 
 def test_a_message_near_its_epoch_is_propagated_and_says_so(call, tmp_path):
-    """A CDM at noon, 4 s before the closest approach: 4 s of 0.15 m/s are little beside its sigma of 150 m."""
-    call(FLYBY, *SHORT, "--radius", "6m", "--covariance", shipped("tle/flyby.cdm"), "--csv", tmp_path / "a.csv")
+    """A CDM at noon, 4 s before the closest approach: 4 s of 0.15 m/s are little beside its sigma of 150 m.
+
+    Its orbits are others than those of the element sets, which have the same numbers.
+    """
+    with pytest.warns(RsoLidarWarning, match=r"flyby\.cdm: its orbit is 4,\d{3} km from .*, whose errors it states"):
+        call(FLYBY, *SHORT, "--radius", "6m", "--covariance", shipped("tle/flyby.cdm"), "--csv", tmp_path / "a.csv")
     (row,) = read_rows(tmp_path / "a.csv")
     assert row["covariance"] == "flyby.cdm, propagated by 3.92 s"
     assert 0.0 < float(row["collision_probability"]) < 1e-20  # 11 sigma away
