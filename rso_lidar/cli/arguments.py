@@ -161,6 +161,14 @@ def check_settings(settings: list[str] | None, files: Iterable[str | Path | None
     return tuple(settings or ())
 
 
+def refuse_inputs(outputs: Iterable[Path | None], inputs: Iterable[str | Path | None]) -> None:
+    """Raise `RecordingError` for an output that is also an input of the command, which --overwrite would destroy."""
+    read = {Path(place).resolve() for place in inputs if place is not None and Path(place).is_file()}
+    for place in outputs:
+        if place is not None and place.resolve() in read:
+            raise RecordingError(f"{place}: is an input of this command; give another name")
+
+
 def load_lidar(text: str, settings: tuple[str, ...] = ()) -> tuple[Lidar, Constraints | None]:
     """Load the camera of that name, or the camera and the constraints of a scenario file.
 

@@ -19,6 +19,7 @@ from rso_lidar.cli.arguments import (
     name_options,
     parse_instant,
     parse_length_m,
+    refuse_inputs,
 )
 from rso_lidar.cli.table import PrintedTable
 from rso_lidar.cli.terminal import echo
@@ -216,6 +217,9 @@ def encounters(
             if suffix and place.suffix.lower() != suffix:
                 raise ScenarioError(f"{option} {place}: is written as {suffix[1:].upper()}; end its name with {suffix}")
             check_writable(place, FIGURE_SUFFIXES if option == "--plot" else (), overwrite=overwrite)
+    sources = _name_sources(covariance)
+    stated = [source if isinstance(source, str) else source[1] for source in sources or ()]
+    refuse_inputs((csv, plot, output, json), (*catalog, follower, lidar, *stated))
     radius_m = None if radius is None else parse_length_m("--radius", radius)
     named = [_split_name("--hard-body", text) for text in hard_body or ()]
     bodies = dict(named)
@@ -240,7 +244,7 @@ def encounters(
             finding=finding,
             radius_m=radius_m,
             hard_bodies=bodies or None,
-            covariances=_name_sources(covariance),
+            covariances=sources,
             settings=chosen,
             trust_code=trust_code,
             trust_fmu=trust_fmu,

@@ -18,6 +18,7 @@ from rso_lidar.cli.arguments import (
     name_options,
     parse_instant,
     parse_length_m,
+    refuse_inputs,
 )
 from rso_lidar.cli.table import PrintedTable
 from rso_lidar.cli.terminal import echo
@@ -134,6 +135,7 @@ def events(
         follower = str(catalog[0])
     chosen = check_settings(settings, (*catalog, follower, lidar))
     outputs = _check_outputs(output or [], scenario, overwrite)
+    refuse_inputs(outputs, (*catalog, follower, lidar))
     scheme = choose_scheme(dark, outputs)
     start_utc = None if start is None else parse_instant("--start", start)
     stations = [_parse_station(text) for text in station or ()]
@@ -200,7 +202,7 @@ def _parse_station(text: str) -> GroundStation:
         latitude_deg, longitude_deg, height_m, least_deg = (*numbers, 0.0, 0.0)[:4]
         return GroundStation(latitude_deg, longitude_deg, height_m, least_deg, name=name.strip())
     except ScenarioError as error:
-        raise ScenarioError(f"--station {error}") from None
+        raise ScenarioError(f"--{error}") from None
 
 
 def _load_instrument(text: str, settings: tuple[str, ...]) -> dict[str, Any]:

@@ -18,7 +18,8 @@ from rso_lidar.orbit import Epochs, Forces, State, TrackingDataMessage, format_u
 from rso_lidar.track import MEASUREMENT_GATE, RELATIVE_MODELS, EstimatedOrbit
 
 _ORBITS = (".opm", ".oem")
-_STEP_S = 60.0  # between rows: interpolation is good to 1 um in low orbit
+_STEP_S = 60.0  # between rows: interpolation of degree 7 is good to 1 um in low orbit
+_FEWEST_ROWS = 4  # that degree 7 needs; the cubic through two rows is off by 0.3 m in low orbit
 _MANY = 0.1  # share of outliers at which the forces are the likely reason; the gate alone rejects under 1 %
 
 
@@ -191,6 +192,11 @@ def fit(
                 f"note: {used.n_rejected:,} of {len(used.used):,} measurements do not fit these forces; where the recorded "
                 "motion is two-body (kepler, state and hill motions are), give --zonal-degree 0"
             )
+    if target_orbit is not None:
+        echo(
+            "note: errors of the follower's orbit are errors of the target's, too; commands that take both as independent, "
+            "such as encounters, overstate the errors of the relative state"
+        )
     time_s = np.concatenate([used.time_s for used in fits])
     if output is not None:
         _write_orbit(output, orbit, "follower", time_s)
@@ -211,7 +217,7 @@ def _write_orbit(output: Path, orbit: EstimatedOrbit, name: str, time_s: np.ndar
     """
     if output.suffix.lower() == ".oem":
         first_s, last_s = min(0.0, orbit.epoch_s, time_s.min()), max(orbit.epoch_s, time_s.max())
-        n_rows = max(2, 1 + int(np.ceil((last_s - first_s) / _STEP_S)))
+        n_rows = max(_FEWEST_ROWS, 1 + int(np.ceil((last_s - first_s) / _STEP_S)))
         epochs = Epochs(orbit.start_utc, np.linspace(first_s, last_s, n_rows))
         known = orbit.covariances(epochs, name)
         write_oem(output, name, name, epochs, orbit.states(epochs), covariances=known, overwrite=True)

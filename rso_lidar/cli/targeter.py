@@ -14,6 +14,7 @@ from rso_lidar.cli.arguments import (
     Workers,
     choose_scheduler,
     choose_scheme,
+    refuse_inputs,
 )
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
@@ -43,6 +44,7 @@ def targeter(
     The flight has the motion and forces of the scenario. With `minimize`, the plan of least delta-v nearby is found.
     """
     places = [check_writable(place, SolvedPlan.SUFFIXES, overwrite=overwrite) for place in output or ()]
+    refuse_inputs(places, [file])
     scheme = choose_scheme(dark, places)
     by = choose_scheduler(engine, scheduler)
     asked = Targeter.load(file)

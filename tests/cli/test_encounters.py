@@ -10,7 +10,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.cli import encounters as command
 from rso_lidar.cli import table
-from rso_lidar.errors import RsoLidarError
+from rso_lidar.errors import RsoLidarError, RsoLidarWarning
 from rso_lidar.orbit import Catalog, Epochs, Fleet, State, orbit_state_matrix, write_oem, write_opm
 from rso_lidar.records import BodyState
 from rso_lidar.shipped import shipped
@@ -269,6 +269,15 @@ def test_the_follower_of_a_scenario_and_what_its_lidar_gets(call, tmp_path):
     assert float(row["found_probability"]) >= float(row["best_probability"]) > 0.9
 
 
+def test_an_input_is_no_output(call, tmp_path):
+    catalog = tmp_path / "a.csv"
+    text = Path(FLYBY).read_bytes()
+    catalog.write_bytes(text)
+    with pytest.raises(RsoLidarError, match=r"a\.csv: is an input of this command; give another name"):
+        call(catalog, *ASKED, "-o", catalog, "--overwrite")
+    assert catalog.read_bytes() == text
+
+
 def test_neither_follower_nor_pairs(call):
     with pytest.raises(RsoLidarError, match="needs the object with the lidar; give --follower or --all-pairs"):
         call(FLYBY, *PAIRS)
@@ -325,8 +334,12 @@ def test_messages_give_the_probability_of_a_table_with_their_sigmas(call, tmp_pa
 
 
 def test_a_message_near_its_epoch_is_propagated_and_says_so(call, tmp_path):
-    """A CDM at noon, 4 s before the closest approach: 4 s of 0.15 m/s are little beside its sigma of 150 m."""
-    call(FLYBY, *SHORT, "--radius", "6m", "--covariance", shipped("tle/flyby.cdm"), "--csv", tmp_path / "a.csv")
+    """A CDM at noon, 4 s before the closest approach: 4 s of 0.15 m/s are little beside its sigma of 150 m.
+
+    Its orbits are others than those of the element sets, which have the same numbers.
+    """
+    with pytest.warns(RsoLidarWarning, match=r"flyby\.cdm: its orbit is 4,\d{3} km from .*, whose errors it states"):
+        call(FLYBY, *SHORT, "--radius", "6m", "--covariance", shipped("tle/flyby.cdm"), "--csv", tmp_path / "a.csv")
     (row,) = read_rows(tmp_path / "a.csv")
     assert row["covariance"] == "flyby.cdm, propagated by 3.92 s"
     assert 0.0 < float(row["collision_probability"]) < 1e-20  # 11 sigma away

@@ -1,6 +1,7 @@
 """`rso-lidar events`: what it prints, what it writes, and what it refuses."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -72,7 +73,7 @@ def test_nothing_found_is_no_error(call, tmp_path):
         (["--station", "Graz=47"], "--station Graz=47: is not a station"),
         (["--set", "name=x"], "--set name=x: changes scenarios, and none of the files is one; leave it out"),
         (["--lidar", HOP, "--set", "lidar.laser.energy=1"], "lidar.laser: unknown key 'energy'"),
-        (["--station", "G=100,2"], "--station station G: latitude_deg: 100.0 is not within 90"),
+        (["--station", "G=100,2"], "--station G: latitude_deg: 100.0 is not within 90"),
         (["--all-pairs"], "exclude each other"),
         (["--days", "90"], "--days: 90 is not a time span"),
         (["--keep-out", "0m"], "--keep-out 0m: is not a radius"),
@@ -92,6 +93,15 @@ def test_bad_input_is_one_line_and_leaves_nothing(call, tmp_path, changed, messa
     assert message in str(told.value)
     assert "\n" not in str(told.value)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_input_is_no_output(call, tmp_path):
+    catalog = tmp_path / "a.csv"
+    text = Path(FLYBY).read_bytes()
+    catalog.write_bytes(text)
+    with pytest.raises(RsoLidarError, match=r"a\.csv: is an input of this command; give another name"):
+        call(catalog, *ASKED, "-o", catalog, "--overwrite")
+    assert catalog.read_bytes() == text
 
 
 def test_neither_follower_nor_pairs(call):

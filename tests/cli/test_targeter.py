@@ -56,3 +56,10 @@ def test_broken_files_are_refused_in_one_line_and_nothing_is_written(rso_lidar, 
     status, _, said = rso_lidar("targeter", file, "-o", tmp_path / "solved.toml")
     assert status == 2 and len(said) == 1 and message in said[0]
     assert not (tmp_path / "solved.toml").exists()
+
+
+def test_the_targeter_file_is_no_output(rso_lidar, file):
+    text = file.read_text(encoding="utf-8")
+    status, _, said = rso_lidar("targeter", file, "-o", file, "--overwrite")
+    assert status == 2 and said[0].endswith("is an input of this command; give another name")
+    assert file.read_text(encoding="utf-8") == text

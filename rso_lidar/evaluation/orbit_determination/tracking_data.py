@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar import units
+from rso_lidar.errors import RecordingError, ScenarioError, warn_of_input
 from rso_lidar.evaluation.orbit_determination.recorded_measurements import find_attitude, measure_target
 from rso_lidar.evaluation.recorded_runs.flown_scenario import (
     find_recorded_target,
@@ -24,6 +25,7 @@ from rso_lidar.orbit import (
     Forces,
     OrbitParameterMessage,
     TrackingDataMessage,
+    check_covariances,
     format_utc,
     is_message_of,
     read_table_text,
@@ -270,9 +272,17 @@ def load_observer_orbit(
             f"{path}: has maneuvers, and a fit needs a coast; give the orbit as an OEM, or without them"
         )
     state = message.state
+    epoch_s = float(Epochs(state.epoch_utc, np.zeros(1)).since(start_utc)[0])
+    if abs(epoch_s - at_s) > units.DAY_S:
+        warn_of_input(
+            f"{path}: its epoch is {abs(epoch_s - at_s) / units.DAY_S:.3g} days from the measurements, over which the orbit "
+            "is propagated without process noise; give an orbit near them"
+        )
+    if message.covariance is not None:
+        check_covariances(message.covariance, f"{path}: covariance")
     return EstimatedOrbit(
         start_utc,
-        float(Epochs(state.epoch_utc, np.zeros(1)).since(start_utc)[0]),
+        epoch_s,
         np.array(state.position_m),
         np.array(state.velocity_m_s),
         np.zeros((6, 6)) if message.covariance is None else message.covariance,

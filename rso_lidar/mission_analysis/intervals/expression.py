@@ -216,11 +216,20 @@ class _Parser:
         if not compares:
             raise self._wrong(place, f"needs a limit; write for example {word} < 5{example}")
         sign = self._next("a comparison")[1]
-        return Condition(word, tuple(arguments), "<" in sign, self._parse_limit(word, unit_kind))
+        limit = self._parse_limit(word, unit_kind)
+        if word == "found" and not 0.0 <= limit <= 1.0:
+            raise self._wrong(place, "is a probability; compare it with a number from 0 to 1")
+        if unit_kind == "angle" and abs(limit) > math.pi * (1.0 + 1e-9):
+            raise self._wrong(place, "is an angle; compare it with at most 180deg")
+        if unit_kind in ("length", "speed", "turning") and limit < 0.0:
+            raise self._wrong(place, "is never negative; compare it with 0 or more")
+        return Condition(word, tuple(arguments), "<" in sign, limit)
 
     def _parse_argument(self) -> str:
         """Parse a word, or a number with its unit."""
-        kind, text, _ = self._next("an argument")
+        kind, text, place = self._next("an argument")
+        if kind not in ("word", "number", "axis"):
+            raise self._wrong(place, "comes where an argument is needed")
         if kind == "number" and self._at < len(self._tokens) and self._tokens[self._at][0] == "word":
             text += self._next("a unit")[1]
         return text
@@ -263,6 +272,6 @@ class _Parser:
         return self._tokens[self._at - 1]
 
     def _wrong(self, place: int, why: str) -> ScenarioError:
-        rest = self._text[place:].split(" ")[0][:40] or "the end"
+        rest = self._text[place:].strip().split(" ")[0][:40] or "the end"
         cure = "" if ";" in why or "?" in why else "; correct it"
         return ScenarioError(f"when '{self._text:.80}': '{rest}' {why}{cure}")

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import CatalogError, PropagationError, ScenarioError, quote_value
+from rso_lidar import units
+from rso_lidar.errors import CatalogError, PropagationError, ScenarioError, quote_value, warn_of_input
 from rso_lidar.mission_analysis.passes.search_objects import check_names, list_names
 from rso_lidar.mission_analysis.passes.set_errors import SetErrors, estimate_set_errors
 from rso_lidar.orbit import (
@@ -33,6 +34,8 @@ from rso_lidar.records import BodyState
 
 # Two-body motion propagates sigmas to 1 % over 15 minutes in low orbit, against an integration about the oblate Earth.
 _NEAR_S = 900.0
+_APART_RAD = 0.01  # 70 km in low orbit: a covariance turned by it has 1 % of its greatest sigma in other axes
+_MOST = 1e12  # m, m/s: beyond any orbit about the Earth
 _COLUMNS = ("age_days", "radial_m", "along_m", "cross_m")
 _SPEED_COLUMNS = ("radial_m_s", "along_m_s", "cross_m_s")
 
@@ -68,6 +71,10 @@ class SetErrorTable:
             raise ScenarioError(f"{self.source}: standard deviations need 3 or 6 numbers of 0 or more for each age")
         if not np.isfinite(sigma).all() or not np.isfinite(ages).all():
             raise ScenarioError(f"{self.source}: holds a value that is not finite; correct it")
+        if (sigma > _MOST).any():
+            raise ScenarioError(
+                f"{self.source}: {sigma.max():g} m is no standard deviation of an orbit; give at most {_MOST:g} m or m/s"
+            )
         object.__setattr__(self, "age_days", ages.astype(float))
         object.__setattr__(self, "sigma", sigma.astype(float))
 
@@ -100,14 +107,21 @@ class SetErrorTable:
         lacking = [name for name in names if name not in heads]
         if lacking:
             raise ScenarioError(f"{where}: has no column {', '.join(lacking)}; give all three velocities, or none")
+        if any(heads.count(name) > 1 for name in names):
+            raise ScenarioError(f"{where}: line 1: has a column twice; remove one")
         numbers = []
         for line, row in enumerate(rows[1:], start=2):
             if not any(cell.strip() for cell in row):
                 continue
             try:
-                numbers.append([float(row[heads.index(name)]) for name in names])
+                values = [float(row[heads.index(name)]) for name in names]
             except (IndexError, ValueError):
                 raise ScenarioError(f"{where}: line {line}: is no row of {len(names)} numbers; correct it") from None
+            if len(row) > len(heads):
+                raise ScenarioError(f"{where}: line {line}: has {len(row)} cells under {len(heads)} heads; correct it")
+            numbers.append(values)
+        if not numbers:
+            raise ScenarioError(f"{where}: has no rows; give at least one")
         table = np.array(numbers, dtype=float).reshape(-1, len(names))
         return cls(where, table[:, 0], table[:, 1:])
 
@@ -166,7 +180,10 @@ class CovarianceSources:
         listed = list(given.items()) if isinstance(given, Mapping) else _list_sources(given)
         for source in listed:
             name, source = source if isinstance(source, tuple) and len(source) == 2 else ("", source)
-            self._add(str(name).strip(), source)
+            name = str(name).strip()
+            if name.casefold() in {stated.casefold() for stated in self._stated}:
+                raise ScenarioError(f"covariances: '{name}' is given twice; give one source for each object")
+            self._add(name, source)
         check_names("covariances", self._stated, entries)
 
     def find(self, entry: Any, age_days: float, epochs: Epochs, state: BodyState) -> tuple[np.ndarray, str]:
@@ -204,6 +221,8 @@ class CovarianceSources:
                 words = f"{Path(getattr(source, 'source', 'table')).name}, age {age:.2f} d"
             return turn @ source.covariance_at(age) @ turn.T, words
         words = Path(str(getattr(source, "source", "") or type(source).__name__)).name
+        if isinstance(source, CovarianceHistory):
+            _check_orbit(source, first, epochs, state)
         away_s = _find_distance_s(source, epochs) if isinstance(source, CovarianceHistory) else 0.0
         if 0.0 < away_s <= _NEAR_S:
             return source.at(epochs, beyond="two_body")[0], f"{words}, propagated by {away_s:.3g} s"
@@ -310,6 +329,21 @@ class CovarianceSources:
             known = self._histories.setdefault(entry.identity, [])
             if not any(entry.epoch_utc == other.epoch_utc for other in known):
                 known.append(entry)
+
+
+def _check_orbit(history: CovarianceHistory, entry: Any, epochs: Epochs, state: BodyState) -> None:
+    """Warn where covariances are about an orbit in another direction than the object, so that their axes are not its own."""
+    try:
+        place_m = history.reference.states(epochs).position_m[0]
+    except PropagationError:  # the orbit ends before this instant, near which the covariances hold
+        return
+    here_m = np.asarray(state.position_m).reshape(3)
+    lengths = np.linalg.norm(place_m) * np.linalg.norm(here_m)
+    if float(np.arccos(np.clip(place_m @ here_m / lengths, -1.0, 1.0))) > _APART_RAD:
+        warn_of_input(
+            f"{history.source or history.label}: its orbit is {np.linalg.norm(place_m - here_m) / units.KM:,.0f} km from "
+            f"{entry.name or entry.label}, whose errors it states; give covariances about that orbit"
+        )
 
 
 def _find_distance_s(history: CovarianceHistory, epochs: Epochs) -> float:

@@ -31,6 +31,7 @@ from rso_lidar.rpo import rtn_matrix
 from rso_lidar.scenario import Target, build_whole_surface
 
 _WAVELENGTH_M = 1064.0 * units.NM  # of the materials of a mesh whose size alone counts
+_NUMBER = re.compile(r"\s*[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?\s*")
 _LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*m\s*")
 
 
@@ -245,6 +246,8 @@ def _measure_body(name: str, body: Any) -> tuple[float, str]:
             return check_radius(float(match[1])), f"{float(match[1]):g} m"
         except ValueError:
             raise ScenarioError(f"hard_bodies: {name}: {body!r} is no length; write for example 2m") from None
+    if _NUMBER.fullmatch(body):
+        raise ScenarioError(f"hard_bodies: {name}: {body!r} has no unit; write {body.strip()}m, or a model")
     target = Target(name="body", model=body, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
     if target.is_path:
         target = target.replace(center_of_mass_m=(0.0, 0.0, 0.0))

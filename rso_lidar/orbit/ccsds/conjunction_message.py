@@ -208,6 +208,12 @@ def _read_object(fields: KeywordBlock, tca_utc: datetime.datetime) -> Conjunctio
             f"{where}: {fields.part}: its position is {radius / units.KM:,.0f} km from the Earth's centre, which is no "
             "orbit; give X, Y, Z in km"
         )
+    speed = float(np.linalg.norm(velocity))
+    if np.linalg.norm(np.cross(position, velocity)) <= 1e-9 * radius * speed:
+        raise ScenarioError(
+            f"{where}: {fields.part}: its velocity has no part across its position, which is no orbit; give X_DOT, Y_DOT, "
+            "Z_DOT in km/s"
+        )
     designator = fields.text("OBJECT_DESIGNATOR")
     covariance, has_velocity = _read_covariance(fields)
     return ConjunctionObject(

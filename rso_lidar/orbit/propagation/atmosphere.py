@@ -23,6 +23,7 @@ from rso_lidar.part import NotNegative, Part, Positive, Text
 Density = Callable[[float, Vector3], float]  # of seconds since the start and a position [m] in GCRS axes: [kg/m3]
 _HIGHEST_M = 2_500.0 * units.KM  # the density is zero above
 _INTERVAL_S = units.DAY_S / INTERVALS
+Flux = Annotated[Positive, Field(ge=20, le=1000)]  # at 10.7 cm: 64 to some 400 was measured since 1947
 
 # Vallado 4th ed. table 8-4: height [km], density there [kg/m3], scale height [km], up to the next row
 _AIR = (
@@ -111,10 +112,10 @@ class NrlmsisAtmosphere(Part):
             "`ap` apply all the time."
         ),
     )
-    f107: Positive | None = Field(
+    f107: Flux | None = Field(
         default=None, description="Observed solar flux at 10.7 cm of the day before [10⁻²² W m⁻² Hz⁻¹]: some 70 to 250."
     )
-    f107a: Positive | None = Field(
+    f107a: Flux | None = Field(
         default=None, description="Mean of `f107` over 81 days about the day [10⁻²² W m⁻² Hz⁻¹]."
     )
     ap: Annotated[NotNegative, Field(le=400)] | None = Field(

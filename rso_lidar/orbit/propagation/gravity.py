@@ -19,6 +19,7 @@ from rso_lidar.shipped import find
 
 _SHIPPED, _SHIPPED_DEGREE = "gravity/egm2008_20x20.gfc", 20
 _MOST_DEGREE = 120
+_C20, _C20_SPREAD = -4.8417e-4, 1e-6  # fully normalised; models and tide systems differ by 1e-8
 _HINT = "give a static gravity field of ICGEM with fully normalised coefficients"
 
 
@@ -111,6 +112,8 @@ def _read(path: Path, degree: int, order: int | None, _modified_ns: int, _size: 
         n, m, c, s = (_parse(word, f"{where}: '{line.strip():.60}'") for word in words[:4])
         if not (n == int(n) and m == int(m) and 0 <= m <= n and abs(c) <= 1.0 and abs(s) <= 1.0):
             raise ScenarioError(f"{where}: '{line.strip():.60}' is no coefficient; {_HINT}")
+        if n <= degree and n > 0 and not math.isnan(cosine[int(n), int(m)]):
+            raise ScenarioError(f"{where}: '{line.strip():.60}' is given twice; {_HINT}")
         if n <= degree:
             cosine[int(n), int(m)], sine[int(n), int(m)] = c, s
     needed = np.tril(np.ones_like(cosine, dtype=bool))
@@ -121,6 +124,8 @@ def _read(path: Path, degree: int, order: int | None, _modified_ns: int, _size: 
         raise ScenarioError(
             f"{where}: has no coefficient of degree {n} and order {m}; lower the degree, or give another"
         )
+    if abs(cosine[2, 0] - _C20) > _C20_SPREAD:
+        raise ScenarioError(f"{where}: degree 2 and order 0: {cosine[2, 0]:g} is not the Earth's {_C20:g}; {_HINT}")
     kept = needed & (np.arange(degree + 1) <= most)
     return Harmonics(gm, radius_m, np.where(kept, cosine, 0.0), np.where(kept, sine, 0.0))
 

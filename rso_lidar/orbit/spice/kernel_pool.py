@@ -38,7 +38,12 @@ def load_kernels(kernels: Sequence[str], where: str) -> Iterator[Any]:
     with LOCK:
         try:
             for path in paths:
-                spice.furnsh(path)
+                try:
+                    spice.furnsh(path)
+                except spice.utils.exceptions.SpiceyError as error:
+                    raise ScenarioError(
+                        f"{where}: {path}: is no kernel that can be loaded ({explain_error(error)}); correct or replace it"
+                    ) from None
                 loaded.append(path)
             yield spice
         except spice.utils.exceptions.SpiceyError as error:

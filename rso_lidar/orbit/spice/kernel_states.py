@@ -17,6 +17,7 @@ from rso_lidar.records import BodyState
 
 _EARTH = 399  # NAIF's number of the Earth's centre
 _MOST_EDGES = 100_000
+_GREATEST_NUMBER = 2**31 - 1  # of a body, for the toolkit
 
 
 class SpiceMotion(Part):
@@ -58,6 +59,8 @@ class SpiceMotion(Part):
                 f"{epochs.time_s[np.argmax(bad)]:g}; shift or shorten the run, or add a kernel ({why:.160})",
                 bad,
             )
+        if not rows[:, :3].any(axis=1).all():
+            raise ScenarioError(f"spice {self.body}: is at the Earth's centre; name the body of a craft")
         velocity_m_s = rows[:, 3:] * units.KM * (1.0 + find_tdb_rate(times_s))[:, None]
         return shift_states(BodyState(rows[:, :3] * units.KM, velocity_m_s), rest_s)
 
@@ -85,7 +88,9 @@ class SpiceMotion(Part):
 
 def _find_body(spice: Any, body: str) -> int:
     """Return NAIF's number of a body by its name or number, or raise `ScenarioError`."""
-    if body.lstrip("-").isdigit():
+    if body.isascii() and body.removeprefix("-").isdigit():
+        if abs(int(body)) > _GREATEST_NUMBER:
+            raise ScenarioError(f"spice {body}: is no number of NAIF's, which have 32 bits; correct it")
         return int(body)
     try:
         return int(spice.bodn2c(body))

@@ -116,6 +116,7 @@ class CovarianceHistory:
         if given is None or given.shape != (len(epochs), 6, 6):
             raise ScenarioError(f"{source or label}: covariances need shape (time, 6, 6), one for each of the epochs")
         states = reference.states(epochs)
+        _check_plane(states, source or label)
         turn = orbit_state_matrix(axes, states.position_m, states.velocity_m_s, rotating=rotating)
         return cls(label, source, reference, epochs, turn @ given @ np.swapaxes(turn, 1, 2))
 
@@ -179,6 +180,7 @@ class CovarianceHistory:
         if axes is None:
             return covariance
         states = self._locate(wanted)
+        _check_plane(states, self.source or self.label)
         back = invert_state_matrix(orbit_state_matrix(axes, states.position_m, states.velocity_m_s, rotating=rotating))
         turned: np.ndarray = back @ covariance @ np.swapaxes(back, 1, 2)
         return turned
@@ -186,6 +188,8 @@ class CovarianceHistory:
     def _carry(self, which: np.ndarray, epochs: Epochs) -> np.ndarray:
         """Propagate covariances (time) by number to an instant each, in the rotating rtn axes of the reference orbit."""
         begin, there = self.reference.states(self.epochs.at(which)), self._locate(epochs)
+        for states in (begin, there):
+            _check_plane(states, self.source or self.label)
         span_s = epochs.since(self.epochs.start_utc) - self.epochs.time_s[which]
         moved, transition = find_transition(begin.position_m, begin.velocity_m_s, span_s)
         from_rtn = _rotating_rtn(there) @ invert_state_matrix(_rotating_rtn(BodyState(moved[:, :3], moved[:, 3:])))
@@ -232,6 +236,16 @@ class CovarianceHistory:
                 'it be propagated (beyond = "two_body")',
                 bad,
             )
+
+
+def _check_plane(states: BodyState, where: str) -> None:
+    """Raise `ScenarioError` where a velocity has no part across the position, so that there are no axes along the orbit."""
+    place, speed = (np.linalg.norm(rows, axis=-1) for rows in (states.position_m, states.velocity_m_s))
+    if (np.linalg.norm(np.cross(states.position_m, states.velocity_m_s), axis=-1) <= 1e-9 * place * speed).any():
+        raise ScenarioError(
+            f"{where}: a velocity of the orbit has no part across its position, so that covariances have no axes along it; "
+            "correct the states"
+        )
 
 
 def _rotating_rtn(states: BodyState) -> np.ndarray:

@@ -1,12 +1,14 @@
 """Tracking data messages of a recording: a fit to the message is the fit to the recording."""
 
 import datetime
+import re
 
 import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.errors import RecordingError, RsoLidarWarning, ScenarioError
+from rso_lidar.evaluation.orbit_determination.tracking_data import load_observer_orbit
 from rso_lidar.orbit import Epochs, State, StatedManeuver, TrackingDataMessage, write_oem, write_opm
 from rso_lidar.study import fit_relative_orbit, fit_tracking_data, save_tracking_data
 from rso_lidar.track import EstimatedOrbit
@@ -75,6 +77,18 @@ def test_the_observers_orbit_is_read_from_files(made, message, tmp_path):
     )
     with pytest.raises(ScenarioError, match=r"b\.opm: has maneuvers, and a fit needs a coast"):
         fit_tracking_data(message, burns)
+
+
+def test_an_orbit_of_the_observer_with_no_covariance_or_of_another_day_is_told(made, tmp_path):
+    own = made.own.orbit
+    start_utc = own.start_utc + datetime.timedelta(seconds=own.epoch_s)
+    state = State(epoch_utc=start_utc, position_m=tuple(own.position_m), velocity_m_s=tuple(own.velocity_m_s))
+    opm = write_opm(tmp_path / "own.opm", "A", "1", state, covariance=own.covariance)
+    with pytest.warns(RsoLidarWarning, match=r"own\.opm: its epoch is 2 days from the measurements"):
+        load_observer_orbit(opm, start_utc + datetime.timedelta(days=2), 0.0, None)
+    opm.write_text(re.sub("(?m)^CY_X = .*$", "CY_X = 1", opm.read_text()))
+    with pytest.raises(ScenarioError, match=r"own\.opm: covariance: is not positive semidefinite"):
+        load_observer_orbit(opm, start_utc, 0.0, None)
 
 
 def test_noise_that_nobody_states_is_asked_for(made, message, tmp_path):

@@ -27,7 +27,7 @@ from tests.orbit.sets.sets_for_tests import TERRASAR
 FLYBY = str(shipped("tle/flyby.tle"))
 HOP = Path(shipped("examples/tdrs_approach.toml"))
 START = datetime.datetime(2024, 9, 17, 11, tzinfo=datetime.UTC)
-WORDS = {"range": "length", "lit": None, "contact": None, "found": "number"}
+WORDS = {"range": "length", "lit": None, "contact": None, "found": "number", "sun": "angle"}
 
 
 def test_and_binds_more_than_or_and_not_most():
@@ -60,7 +60,12 @@ def test_and_binds_more_than_or_and_not_most():
         ("(lit", "where ')' is needed"),
         ("lit)", "is one too many"),
         ("and lit", "'and' is not a condition"),
-        ("lit & lit", "is not understood"),
+        ("lit & lit", "'&' is not understood"),
+        ("found > 50", "'found' is a probability; compare it with a number from 0 to 1"),
+        ("sun > 30rad", "'sun' is an angle; compare it with at most 180deg"),
+        ("range < -5km", "'range' is never negative; compare it with 0 or more"),
+        ("contact()", "')' comes where an argument is needed"),
+        ("contact(Graz,)", "')' comes where an argument is needed"),
         ("not " * 60 + "lit", "nested too deeply"),
     ],
 )

@@ -128,6 +128,8 @@ def test_without_a_covariance_or_radius_the_reason_is_given(tmp_path):
     ("more", "message"),
     [
         ({"radius_m": 0.0}, "radius_m: 0.0 is not a hard-body radius"),
+        ({"hard_bodies": {99003: "2"}}, "hard_bodies: 99003: '2' has no unit; write 2m, or a model"),
+        ({"covariances": [("A", AGES), ("a", AGES)]}, "covariances: 'a' is given twice"),
         ({"hard_bodies": {"x": True}}, "hard_bodies: x: .True. is no radius"),
         ({"covariances": [3.0]}, "covariances: .3.0. is no source"),
     ],
@@ -144,6 +146,10 @@ def test_what_is_no_radius_and_no_source_is_refused(more, message):
         ("age_days,radial_m,along_m,cross_m\n0,1,x,1\n", "line 2: is no row of 4 numbers"),
         ("age_days,radial_m,along_m,cross_m\n1,1,1,1\n0,1,1,1\n", "age_days: do not increase"),
         ("age_days,radial_m,along_m,cross_m\n1,1,-1,1\n", "standard deviations need"),
+        ("age_days,radial_m,along_m,cross_m\n", "has no rows"),
+        ("age_days,radial_m,along_m,cross_m,radial_m\n1,1,1,1,9\n", "line 1: has a column twice"),
+        ("age_days,radial_m,along_m,cross_m\n1,1,5,1,2\n", "line 2: has 5 cells under 4 heads"),
+        ("age_days,radial_m,along_m,cross_m\n1,1e300,1,1\n", "1e\\+300 m is no standard deviation"),
     ],
 )
 def test_tables_by_age_that_are_broken(tmp_path, text, message):

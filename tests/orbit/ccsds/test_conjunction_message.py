@@ -96,6 +96,11 @@ def test_terms_of_velocity_may_be_left_out_but_not_a_part_of_them():
         ("CR_R = 1.000000e+02", "CR_R = many", "CDM: line 25: CR_R 'many' is not a number"),
         ("X = 7078.137000000", "X = 7.078", "CDM: OBJECT1: its position is 7 km from the Earth's centre"),
         (
+            "Y_DOT = -0.992499433 [km/s]\nZ_DOT = 7.438437260 [km/s]",
+            "Y_DOT = 0\nZ_DOT = 0",
+            "CDM: OBJECT1: its velocity has no part across its position",
+        ),
+        (
             "MISS_DISTANCE = 120",
             "MISS_DISTANCE = 120\nMISS_DISTANCE = 120",
             "CDM: line 8: MISS_DISTANCE is given twice",

@@ -148,6 +148,8 @@ def test_steps_of_the_integration_end_where_the_space_weather_changes(tmp_path):
         ({"space_weather_file": "sw.csv", "ap": 4.0}, "ap: space_weather_file has it; leave one of them out"),
         ({**QUIET, "ap": 500.0}, "ap"),
         ({**QUIET, "f107": -1.0}, "f107"),
+        ({**QUIET, "f107": 0.15}, "f107: should be greater than or equal to 20"),
+        ({**QUIET, "f107a": 1e6}, "f107a: should be less than or equal to 1000"),
         ({**QUIET, "version": "1.0"}, "version"),
     ],
 )

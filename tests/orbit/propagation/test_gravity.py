@@ -127,6 +127,8 @@ def test_a_users_file_is_read_to_its_own_degree(tmp_path):
         ("gfc     3    1", "#gfc    3    1", "has no coefficient of degree 3 and order 1"),
         ("2.030462010478640e-06", "nan", "'nan' is not a number"),
         ("2.030462010478640e-06", "2.030462010478640", "is no coefficient"),
+        ("gfc     3    1", "gfc 3 0 1e-6 0\ngfc     3    1", "'gfc 3 0 1e-6 0' is given twice"),
+        ("-4.841651437908150e-04", "-1.0826e-03", r"degree 2 and order 0: -0\.0010826 is not the Earth's"),
     ],
 )
 def test_a_file_that_is_no_such_field_is_refused(tmp_path, old, new, message):

@@ -202,6 +202,8 @@ def test_truth_of_a_scenario_is_written_as_kernels(pool, tmp_path):
         ({"kernels": ("none.bsp",)}, r"none\.bsp"),
         ({"body": "nobody"}, "spice nobody: no kernel knows that name; give the body's number, or add a kernel"),
         ({"body": "-5"}, "the kernels do not cover 1 of 1 epochs"),
+        ({"body": "399"}, "spice 399: is at the Earth's centre; name the body of a craft"),
+        ({"body": "99999999999"}, "spice 99999999999: is no number of NAIF's"),
     ],
 )
 def test_what_kernels_lack_is_one_line(tmp_path, change, says):

@@ -119,6 +119,22 @@ def test_what_is_no_covariance_is_refused(matrix, problem):
         CovarianceHistory("craft", "file", LOW, Epochs(START, np.zeros(1)), matrix[None])
 
 
+def test_an_orbit_without_a_plane_has_no_covariance_along_it():
+    class Falling:
+        def states(self, epochs):
+            return BodyState(np.tile([7e6, 0.0, 0.0], (len(epochs), 1)), np.zeros((len(epochs), 3)))
+
+    start = Epochs(START, np.zeros(1))
+    history = CovarianceHistory("craft", "file", Falling(), start, RTN[None])
+    for ask in (
+        lambda: history.at(START, axes="rtn"),
+        lambda: history.at(Epochs(START, np.array([9.0])), beyond="two_body"),
+        lambda: CovarianceHistory.from_axes("craft", Falling(), start, RTN[None], source="file"),
+    ):
+        with pytest.raises(ScenarioError, match=r"^file: a velocity of the orbit has no part across its position"):
+            ask()
+
+
 @pytest.mark.parametrize("rotating", [False, True])
 def test_covariances_along_the_orbit_are_given_back_along_it(rotating):
     epochs = Epochs(START, np.array([0.0, 900.0]))
