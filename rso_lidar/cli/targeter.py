@@ -44,10 +44,10 @@ def targeter(
     The flight has the motion and forces of the scenario. With `minimize`, the plan of least delta-v nearby is found.
     """
     places = [check_writable(place, SolvedPlan.SUFFIXES, overwrite=overwrite) for place in output or ()]
-    refuse_inputs(places, [file])
     scheme = choose_scheme(dark, places)
     by = choose_scheduler(engine, scheduler)
     asked = Targeter.load(file)
+    refuse_inputs(places, [file, asked.scenario_file()])
     with open_executor(workers, scheduler=by) as executor:
         plan = solve_targeter(asked, executor=executor, trust_code=trust_code)
     for place in places:

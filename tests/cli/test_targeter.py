@@ -63,3 +63,11 @@ def test_the_targeter_file_is_no_output(rso_lidar, file):
     status, _, said = rso_lidar("targeter", file, "-o", file, "--overwrite")
     assert status == 2 and said[0].endswith("is an input of this command; give another name")
     assert file.read_text(encoding="utf-8") == text
+
+
+def test_the_targeter_and_its_scenario_are_not_overwritten(rso_lidar, file, tmp_path):
+    for own in (file, tmp_path / "flight.toml"):
+        before = own.read_bytes()
+        status, _, said = rso_lidar("targeter", file, "-o", own, "--overwrite")
+        assert status == 2 and len(said) == 1 and "is an input of this command" in said[0]
+        assert own.read_bytes() == before
