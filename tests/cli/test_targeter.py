@@ -58,13 +58,6 @@ def test_broken_files_are_refused_in_one_line_and_nothing_is_written(rso_lidar, 
     assert not (tmp_path / "solved.toml").exists()
 
 
-def test_the_targeter_file_is_no_output(rso_lidar, file):
-    text = file.read_text(encoding="utf-8")
-    status, _, said = rso_lidar("targeter", file, "-o", file, "--overwrite")
-    assert status == 2 and said[0].endswith("is an input of this command; give another name")
-    assert file.read_text(encoding="utf-8") == text
-
-
 def test_the_targeter_and_its_scenario_are_not_overwritten(rso_lidar, file, tmp_path):
     for own in (file, tmp_path / "flight.toml"):
         before = own.read_bytes()
