@@ -221,16 +221,16 @@ class CovarianceSources:
                 words = f"{Path(getattr(source, 'source', 'table')).name}, age {age:.2f} d"
             return turn @ source.covariance_at(age) @ turn.T, words
         words = Path(str(getattr(source, "source", "") or type(source).__name__)).name
-        if isinstance(source, CovarianceHistory):
-            _check_orbit(source, first, epochs, state)
         away_s = _find_distance_s(source, epochs) if isinstance(source, CovarianceHistory) else 0.0
-        if 0.0 < away_s <= _NEAR_S:
-            return source.at(epochs, beyond="two_body")[0], f"{words}, propagated by {away_s:.3g} s"
         if away_s > _NEAR_S and source.has_velocity:
             raise PropagationError(
                 f"covariance of {source.label} ({source.source}) is {away_s / 3600.0:,.3g} h from the closest approach; "
                 f"give one within {_NEAR_S / 60.0:g} minutes of it"
             )
+        if isinstance(source, CovarianceHistory):
+            _check_orbit(source, first, epochs, state)
+        if 0.0 < away_s <= _NEAR_S:
+            return source.at(epochs, beyond="two_body")[0], f"{words}, propagated by {away_s:.3g} s"
         covariance = to_real_array(source.at(epochs))
         if covariance is None or covariance.shape != (1, 6, 6):
             raise ScenarioError("its source does not answer at(epochs) with covariances (time, 6, 6); correct it")
