@@ -186,7 +186,7 @@ def test_closed_form_agrees_with_frames(validation, photons):
     assert reading.range_m.ravel()[near.ravel()].std() == pytest.approx(float(told.range_precision_m[0]), rel=0.25)
 
 
-@pytest.mark.parametrize("photons", [0.02])
+@pytest.mark.parametrize("photons", [0.012, 0.02])
 def test_closed_form_counts_dark_counts_in_the_peak(validation, photons):
     """A peak holds dark counts too: half of a threshold that noise has raised is noise."""
     part = rl.GeigerArray(

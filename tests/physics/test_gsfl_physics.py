@@ -127,7 +127,7 @@ def test_speckle_of_a_filled_pixel(tmp_path, validation, wavelength_nm):
     assert round(100 * contrast, 1) == {1064.0: 3.4, 1570.0: 5.0}[wavelength_nm]
 
 
-@pytest.mark.parametrize("photons", [500, 800, 1000])
+@pytest.mark.parametrize("photons", [500, 700, 800, 1000])
 @pytest.mark.parametrize("preset", ["noise_limited", "offset_limited"])
 def test_detection(validation, preset, photons):
     """The chain against every photoelectron drawn and amplified by hand.

@@ -79,9 +79,9 @@ def budget_figure(
     _prepare_axes(
         light, "Photons on the pixel", f"expected, after the optics{'; broad: saturated' if saturates else ''}"
     )
-    _prepare_axes(signal, "Signal over noise", "mean over 1 sigma of the signal chain")
+    _prepare_axes(signal, "Signal-to-noise ratio", "of amplitudes")
     _prepare_axes(detection, "Probability of detection", f"marked: P = {probability:g}")
-    _prepare_axes(alarms, "Returns that a false alarm precedes", "per million, in the dark")
+    _prepare_axes(alarms, "Earlier false alarms", "per million returns, in the dark")
     _prepare_axes(precision, "Range precision [cm]", "1 sigma of detected returns")
     _prepare_axes(pixels, "Pixels on the target", "lit and in the field")
     for axes in (light, signal, precision, pixels):

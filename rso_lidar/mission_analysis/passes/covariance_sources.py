@@ -35,7 +35,7 @@ from rso_lidar.records import BodyState
 # Two-body motion propagates sigmas to 1 % over 15 minutes in low orbit, against an integration about the oblate Earth.
 _NEAR_S = 900.0
 _APART_RAD = 0.01  # 70 km in low orbit: a covariance turned by it has 1 % of its greatest sigma in other axes
-_MOST = 1e12  # m, m/s: beyond any orbit about the Earth
+_MOST_SIGMA = 1e12  # m or m/s: any larger one is a mistake, and its square would spoil sums
 _COLUMNS = ("age_days", "radial_m", "along_m", "cross_m")
 _SPEED_COLUMNS = ("radial_m_s", "along_m_s", "cross_m_s")
 
@@ -71,9 +71,9 @@ class SetErrorTable:
             raise ScenarioError(f"{self.source}: standard deviations need 3 or 6 numbers of 0 or more for each age")
         if not np.isfinite(sigma).all() or not np.isfinite(ages).all():
             raise ScenarioError(f"{self.source}: holds a value that is not finite; correct it")
-        if (sigma > _MOST).any():
+        if (sigma > _MOST_SIGMA).any():
             raise ScenarioError(
-                f"{self.source}: {sigma.max():g} m is no standard deviation of an orbit; give at most {_MOST:g} m or m/s"
+                f"{self.source}: {sigma.max():g} is no standard deviation of an orbit; give at most {_MOST_SIGMA:g} m or m/s"
             )
         object.__setattr__(self, "age_days", ages.astype(float))
         object.__setattr__(self, "sigma", sigma.astype(float))

@@ -23,7 +23,7 @@ from rso_lidar.orbit.ccsds.reader import find_table, read_table_text
 from rso_lidar.orbit.ccsds.reference_frames import parse_frame, warn_without_orientation
 from rso_lidar.orbit.earth.axes import convert_states
 from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, parse_epoch_ps
-from rso_lidar.orbit.two_body.orbit_axes import orbit_state_matrix
+from rso_lidar.orbit.two_body.orbit_axes import has_plane, orbit_state_matrix
 from rso_lidar.records import BodyState
 
 _AXES = ("R", "T", "N", "RDOT", "TDOT", "NDOT")
@@ -208,8 +208,7 @@ def _read_object(fields: KeywordBlock, tca_utc: datetime.datetime) -> Conjunctio
             f"{where}: {fields.part}: its position is {radius / units.KM:,.0f} km from the Earth's centre, which is no "
             "orbit; give X, Y, Z in km"
         )
-    speed = float(np.linalg.norm(velocity))
-    if np.linalg.norm(np.cross(position, velocity)) <= 1e-9 * radius * speed:
+    if not has_plane(position, velocity):
         raise ScenarioError(
             f"{where}: {fields.part}: its velocity has no part across its position, which is no orbit; give X_DOT, Y_DOT, "
             "Z_DOT in km/s"

@@ -20,7 +20,7 @@ from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.trajectory import Trajectory
-from rso_lidar.orbit.two_body.orbit_axes import OrbitAxes, invert_state_matrix, orbit_state_matrix
+from rso_lidar.orbit.two_body.orbit_axes import OrbitAxes, has_plane, invert_state_matrix, orbit_state_matrix
 from rso_lidar.orbit.two_body.transition import find_transition
 from rso_lidar.part import to_real_array
 from rso_lidar.records import BodyState
@@ -240,8 +240,7 @@ class CovarianceHistory:
 
 def _check_plane(states: BodyState, where: str) -> None:
     """Raise `ScenarioError` where a velocity has no part across the position, so that there are no axes along the orbit."""
-    place, speed = (np.linalg.norm(rows, axis=-1) for rows in (states.position_m, states.velocity_m_s))
-    if (np.linalg.norm(np.cross(states.position_m, states.velocity_m_s), axis=-1) <= 1e-9 * place * speed).any():
+    if not has_plane(states.position_m, states.velocity_m_s).all():
         raise ScenarioError(
             f"{where}: a velocity of the orbit has no part across its position, so that covariances have no axes along it; "
             "correct the states"

@@ -20,6 +20,7 @@ from rso_lidar.orbit.central_body import EARTH, CentralBody
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import two_body_rates
 from rso_lidar.orbit.two_body.anomaly import start_eccentric_anomaly
+from rso_lidar.orbit.two_body.orbit_axes import has_plane
 from rso_lidar.orbit.two_body.universal_variables import (
     inverse_semi_major_axis,
     perigee_distance_m,
@@ -180,7 +181,7 @@ def check_start(position_m: Vector, velocity_m_s: Vector, body: CentralBody) -> 
             "satellite; give metres from the centre"
         )
     speed = float(np.linalg.norm(velocity_m_s))
-    if np.linalg.norm(np.cross(position_m, velocity_m_s)) <= 1e-9 * radius * speed:
+    if not has_plane(np.array(position_m), np.array(velocity_m_s)):
         raise ValueError(
             f"velocity_m_s: is parallel to position_m, a fall through {body.name}'s centre; give it a component across"
         )

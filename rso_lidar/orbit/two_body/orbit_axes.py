@@ -28,6 +28,28 @@ OrbitAxes = Literal["rtn", "lvlh_ccsds", "vnc", "ntw", "tnw"]
 ORBIT_AXES: tuple[OrbitAxes, ...] = get_args(OrbitAxes)
 
 
+_LEAST_SINE = 1e-9  # of the angle between position and velocity; below it, rounding decides on the plane
+
+
+def has_plane(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
+    """Return whether a velocity has a part across the position (…), so that the orbit has a plane and axes.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (…, 3) inertial state [m, m/s]
+
+    Returns
+    -------
+    numpy.ndarray
+        (…) bool.
+    """
+    across, place, speed = (
+        np.linalg.norm(rows, axis=-1) for rows in (np.cross(position_m, velocity_m_s), position_m, velocity_m_s)
+    )
+    planar: np.ndarray = across > _LEAST_SINE * place * speed
+    return planar
+
+
 def rtn_axes(
     position_m: np.ndarray, velocity_m_s: np.ndarray, rates: tuple[np.ndarray, np.ndarray] | None = None
 ) -> tuple[Rotation, np.ndarray]:

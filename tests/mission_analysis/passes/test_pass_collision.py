@@ -149,7 +149,7 @@ def test_what_is_no_radius_and_no_source_is_refused(more, message):
         ("age_days,radial_m,along_m,cross_m\n", "has no rows"),
         ("age_days,radial_m,along_m,cross_m,radial_m\n1,1,1,1,9\n", "line 1: has a column twice"),
         ("age_days,radial_m,along_m,cross_m\n1,1,5,1,2\n", "line 2: has 5 cells under 4 heads"),
-        ("age_days,radial_m,along_m,cross_m\n1,1e300,1,1\n", "1e\\+300 m is no standard deviation"),
+        ("age_days,radial_m,along_m,cross_m\n1,1e300,1,1\n", "1e\\+300 is no standard deviation"),
     ],
 )
 def test_tables_by_age_that_are_broken(tmp_path, text, message):
