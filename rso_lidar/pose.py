@@ -283,6 +283,26 @@ class PoseTree(Mapping[str, Link]):
         """
         return PoseTree({**self._parents, name: parent}, {**self._links, name: link})
 
+    def extrapolate(self, ahead_s: float) -> PoseTree:
+        """Return the tree a short time later, each link with its rates held constant.
+
+        Parameters
+        ----------
+        ahead_s : the time [s]; negative for before
+        """
+        links = {
+            name: Link(
+                (
+                    link.translation_m + ahead_s * link.velocity_m_s,
+                    np.matmul(link.matrix, matrix_from_vector(ahead_s * link.angular_velocity_rad_s)),
+                ),
+                link.velocity_m_s,
+                link.angular_velocity_rad_s,
+            )
+            for name, link in self._links.items()
+        }
+        return PoseTree(self._parents, links)
+
     def at(self, epoch: int | slice) -> PoseTree:
         """Return the tree at one epoch of a batch, or at a slice of them."""
         return PoseTree(self._parents, {name: link[epoch] for name, link in self._links.items()})

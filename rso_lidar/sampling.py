@@ -14,7 +14,13 @@ _CREASE, _MOST_CREASE = 5.0, 0.1
 
 
 def cast_pixels(
-    receiver: Receiver, laser: Laser, surfaces: Sequence[Surface], truth: Truth, threads: int | None = None
+    receiver: Receiver,
+    laser: Laser,
+    surfaces: Sequence[Surface],
+    truth: Truth,
+    threads: int | None = None,
+    *,
+    has_penumbra: bool = False,
 ) -> Hits:
     """Cast the rays of one flash.
 
@@ -22,6 +28,7 @@ def cast_pixels(
     ----------
     receiver : decides how rays sample its pixels, by `sampling_error` or `rays_per_pixel`
     threads : number of threads (None: one per core). The result is bit for bit the same
+    has_penumbra : whether shadows of the Sun have soft edges
 
     Returns
     -------
@@ -38,6 +45,7 @@ def cast_pixels(
             laser_from_m=laser.offset,
             sun=receiver.filter_width_nm is not None,
             aperture_m=receiver.aperture_m,
+            penumbra_pixel_rad=receiver.pixel_tangent if has_penumbra else None,
         )
 
     least_crease = min(_CREASE * receiver.sampling_error, _MOST_CREASE)

@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from rso_lidar.optics.lens.surface_scatter import Baffle, Glare
     from rso_lidar.optics.rays.scan_lines import ScanLines, find_small, pixel_rays
     from rso_lidar.optics.receiver import Receiver
-    from rso_lidar.optics.returns.blur import read_files
+    from rso_lidar.optics.returns.blur import blur_steady_light, read_files
     from rso_lidar.optics.returns.pulse_average import assign_pulses, average_pulses
-    from rso_lidar.optics.returns.radiometry import collect, oversample, pixel_photons
-    from rso_lidar.optics.stray.glare import add_stray_light, see_sky, veil_on_axis
+    from rso_lidar.optics.returns.radiometry import collect, image_flash, image_sunlight, oversample, pixel_photons
+    from rso_lidar.optics.stray.glare import add_stray_light, image_sky, see_sky, veil, veil_on_axis
     from rso_lidar.optics.stray.sources import STRAY_BODIES
     from rso_lidar.optics.sunlight import sun_photons_per_s_m2
     from rso_lidar.optics.tables.laser_profiles import read_pattern
@@ -41,8 +41,12 @@ __all__ = [
     "add_stray_light",
     "assign_pulses",
     "average_pulses",
+    "blur_steady_light",
     "collect",
     "find_small",
+    "image_flash",
+    "image_sky",
+    "image_sunlight",
     "oversample",
     "pixel_photons",
     "pixel_rays",
@@ -50,6 +54,7 @@ __all__ = [
     "read_pattern",
     "see_sky",
     "sun_photons_per_s_m2",
+    "veil",
     "veil_on_axis",
 ]
 

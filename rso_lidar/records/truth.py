@@ -111,6 +111,30 @@ class Truth:
             return (self,)
         return tuple(self.exposure.at(epoch) for epoch in range(len(self.exposure.time_s)))
 
+    def view_from(self, axes: str) -> Truth:
+        """Return the truth with its "lidar" axes at other axes, from which the scene is then cast.
+
+        Parameters
+        ----------
+        axes : name of the axes of the viewer: x right, y down, z ahead
+        """
+        return dataclasses.replace(self, poses=self.poses.with_node("lidar", axes, Link.still()), exposure=None)
+
+    def extrapolate(self, ahead_s: float) -> Truth:
+        """Return the truth a short time later: all rates are held constant, and the Sun stands still.
+
+        Parameters
+        ----------
+        ahead_s : the time [s]; negative for before
+        """
+        later = {
+            name: BodyState(state.position_m + ahead_s * state.velocity_m_s, state.velocity_m_s)
+            for name, state in self.states.items()
+        }
+        return dataclasses.replace(
+            self, time_s=self.time_s + ahead_s, poses=self.poses.extrapolate(ahead_s), states=later, exposure=None
+        )
+
     def some(self, epochs: slice) -> Truth:
         """Return the truth at some epochs of a batch.
 

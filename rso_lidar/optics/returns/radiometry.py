@@ -45,7 +45,7 @@ def collect(
     function.
     """
     light, is_lit = _light_before_lens(hits, laser, receiver)
-    filled, background, direct = None, _sunlight(hits, light, laser, receiver), light.photons
+    filled, background, direct = None, _sunlight(hits, laser, receiver), light.photons
     if laser.offset is not None or receiver.filter_width_nm is not None:  # then some rays meet unlit surfaces
         light = light if is_lit.all() else light.only(np.flatnonzero(is_lit))
         n_pixels = receiver.n_rows * receiver.n_cols
@@ -189,7 +189,7 @@ def _light_of_any_laser(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[L
         toward = cos_axis / hits.range_m**2
         path_m = 2.0 * hits.range_m
     else:
-        density, laser_range_m = _density_beside_lens(hits, laser, x, y, cos_axis)
+        density, laser_range_m = _density_at(np.stack([x, y, cos_axis]) * hits.range_m, laser)
         toward = cos_axis**4 / laser_range_m**2
         path_m = hits.range_m + laser_range_m
     photons = density * area * hits.brdf_per_sr * hits.cos_incidence * toward * _gathering_area_m2(receiver)
@@ -210,20 +210,14 @@ def _cells_per_pixel(laser: Laser, receiver: Receiver) -> float:
     return receiver.pixel_tangent**2 * receiver.aperture_area_m2 / laser.wavelength_m**2
 
 
-def _density_beside_lens(
-    hits: Hits, laser: Laser, x: np.ndarray, y: np.ndarray, cos_axis: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the density of a laser's light beside the lens at each hit.
+def _density_at(point_m: np.ndarray, laser: Laser) -> tuple[np.ndarray, np.ndarray]:
+    """Return the density of a laser's light over cos³ θ′ (hit) at points, and their distance from the laser (hit) [m].
 
     Parameters
     ----------
-    x, y, cos_axis : (hit) direction of each hit's ray
-
-    Returns
-    -------
-    (hit) density / cos³ θ′, and the hit's distance from the laser [m].
+    point_m : (xyz, hit) the points in lidar axes [m]
     """
-    from_laser = np.stack([x, y, cos_axis]) * hits.range_m - np.array(laser.offset_m)[:, None]
+    from_laser = point_m - np.array(laser.offset_m)[:, None]
     laser_range_m = np.sqrt(np.sum(from_laser**2, axis=0))
     is_ahead = from_laser[2] > 0.0
     cosine = np.where(is_ahead, from_laser[2] / laser_range_m, 1.0)
@@ -232,22 +226,80 @@ def _density_beside_lens(
     return density / cosine**3, laser_range_m
 
 
-def _sunlight(hits: Hits, light: Light, laser: Laser, receiver: Receiver) -> np.ndarray | None:
+def _sunlight(hits: Hits, laser: Laser, receiver: Receiver) -> np.ndarray | None:
     """Return the sunlight on each pixel (row, col) that passes the filter [photons/s]; None without a filter.
 
-    The cells of coherence of each hit are its solid angle times A / λ². Sunlight is spread by the PSF, as the laser's light
-    is. It is weakened by the whole `transmission` although it passes the lens once: the losses of the laser's own optics
-    are not stated apart. That is assumed.
+    It is weakened by the whole `transmission` although it passes the lens once: the losses of the laser's own optics are not
+    stated apart. That is assumed.
     """
     if receiver.filter_width_nm is None or hits.sunlight_per_sr is None:
         return None
     per_m2 = sun_photons_per_s_m2(laser.wavelength_m, receiver.filter_width_nm * units.NM)
-    per_cell = per_m2 * laser.wavelength_m**2 * receiver.transmission
-    rate = per_cell * hits.sunlight_per_sr * light.coherence_cells * hits.rays.direction[:, 2][hits.ray]
+    return per_m2 * image_sunlight(hits, receiver, laser.wavelength_m)
+
+
+def image_sunlight(hits: Hits, receiver: Receiver, wavelength_m: float) -> np.ndarray:
+    """Return the light of Sun and Earth that targets reflect onto each pixel, over the irradiance of the Sun.
+
+    L · w · (p/f)² · A · cos⁴ θ · η, summed over the hits: L is `Hits.sunlight_per_sr`, w the ray's share of its pixel, p/f
+    the pixel's side in the tangent plane, A the area of the aperture, θ the angle from the boresight and η the transmission.
+
+    Parameters
+    ----------
+    hits : first facets that rays meet, with the sunlight on each
+    receiver : the lens and the focal plane
+    wavelength_m : of the light [m], for the point spread function
+
+    Returns
+    -------
+    (row, col) [m²], behind the lens. Times photons/s/m² of the Sun these are photons/s.
+    """
+    assert hits.sunlight_per_sr is not None
+    light = hits.sunlight_per_sr * _area_of_rays(hits, receiver)
+    return _image_light(hits, light * hits.rays.direction[hits.ray, 2] ** 4, receiver, wavelength_m)
+
+
+def image_flash(
+    hits: Hits, laser: Laser, lidar_from_camera: tuple[np.ndarray, np.ndarray], receiver: Receiver
+) -> np.ndarray:
+    """Return the photons of one laser pulse that targets reflect onto each pixel of a camera beside the lidar.
+
+    ρ · cos α · b / (R′² cos³ θ′) · w · (p/f)² · A · cos⁴ θ · η, summed over the hits: ρ is the BRDF and α the incidence of
+    the laser's light. b is photons per unit area of the tangent plane, R′ the distance and θ′ the angle from the laser.
+    The other quantities are those of `image_sunlight`.
+
+    Parameters
+    ----------
+    hits : first facets that rays of the camera meet, cast with the laser at its place
+    laser : the laser of this pulse
+    lidar_from_camera : position [m] and rotation matrix
+    receiver : lens and focal plane of the camera
+
+    Returns
+    -------
+    (row, col) photons, behind the lens.
+    """
+    origin_m, turn = lidar_from_camera
+    point_m = np.einsum("ij,hj->ih", turn, hits.rays.direction[hits.ray] * hits.range_m[:, None]) + origin_m[:, None]
+    density, laser_range_m = _density_at(point_m, laser)
+    light = density / laser_range_m**2 * hits.brdf_per_sr * hits.cos_incidence * _area_of_rays(hits, receiver)
+    return _image_light(hits, light * hits.rays.direction[hits.ray, 2] ** 4, receiver, laser.wavelength_m)
+
+
+def _area_of_rays(hits: Hits, receiver: Receiver) -> np.ndarray:
+    """Return what each ray gathers of a radiance on the axis (hit) [m²]: its share of w · (p/f)² A η."""
+    area = hits.weight * _gathering_area_m2(receiver)
+    if receiver.distortion is not None:
+        x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
+        area = area * receiver.distortion.area_at_direction(x / cos_axis, y / cos_axis)
+    return area
+
+
+def _image_light(hits: Hits, light: np.ndarray, receiver: Receiver, wavelength_m: float) -> np.ndarray:
+    """Sum the light of hits (hit) over pixels (row, col), behind the point spread function if there is one."""
     if receiver.psf is not None:
-        return blur_sunlight(hits, rate, receiver, laser.wavelength_m)
-    n_pixels = receiver.n_rows * receiver.n_cols
-    return np.bincount(hits.pixel, rate, n_pixels).reshape(receiver.shape)
+        return blur_sunlight(hits, light, receiver, wavelength_m)
+    return np.bincount(hits.pixel, light, receiver.n_rows * receiver.n_cols).reshape(receiver.shape)
 
 
 def _sides(hits: Hits) -> np.ndarray:

@@ -56,6 +56,37 @@ def see_sky(
     return Sky(image, directions, per_m2 * receiver.aperture_area_m2 * light, radius, number)
 
 
+def image_sky(
+    receiver: Receiver,
+    truth: Truth,
+    moon_m: np.ndarray | None,
+    earth_albedo: float,
+    *,
+    sources: tuple[str, ...] = STRAY_BODIES,
+    has_earth: bool = True,
+) -> np.ndarray:
+    """Return the image of Sun, lit Earth and Moon before a lens without blur, over the irradiance of the Sun.
+
+    Parameters
+    ----------
+    receiver : the lens and the focal plane
+    truth : one epoch, with the viewer in it as "lidar"
+    moon_m : (xyz) position of the Moon in root axes [m]; None without a Moon
+    earth_albedo : of the Earth
+
+    Other Parameters
+    ----------------
+    sources : bodies whose light is wanted, of `STRAY_BODIES`; the others are dark, but hide what is behind them
+    has_earth : whether the root's origin is the centre of the Earth
+
+    Returns
+    -------
+    (row, col) [m²], without what targets hide. Times photons/s/m² of the Sun these are photons/s.
+    """
+    bodies = locate_bodies(truth, moon_m, earth_albedo, has_earth=has_earth)
+    return _image_sky(bodies, tuple(STRAY_BODIES.index(name) for name in sources), receiver)
+
+
 def band_photons_per_s_m2(laser: Laser, receiver: Receiver) -> float:
     """Return the Sun's photons per second and square metre in the band of the filter."""
     assert receiver.filter_width_nm is not None
