@@ -1,8 +1,8 @@
-"""Paths of the data shipped with the package: `tle/`, `models/`, `gravity/` and `examples/`."""
+"""Paths of the data shipped with the package: `tle/`, `models/`, `gravity/`, `stars/` and `examples/`."""
 
 from pathlib import Path
 
-_FOLDERS = ("tle", "models", "gravity", "examples")
+_FOLDERS = ("tle", "models", "gravity", "stars", "examples")
 
 
 def shipped(name: str = "") -> Path:

@@ -12,7 +12,7 @@ from rso_lidar.scenario import read_toml
 from rso_lidar.shipped import find, shipped
 
 
-@pytest.mark.parametrize("folder", ["tle", "models", "gravity"])
+@pytest.mark.parametrize("folder", ["tle", "models", "gravity", "stars"])
 def test_folders_of_data_have_an_index(folder):
     assert shipped(f"{folder}/index.toml").is_file()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
@@ -186,6 +186,7 @@ class Aim:
         sun_direction: Sequence[float] | None = None,
         flights: Flights | None = None,
         exposure_s: float = 0.0,
+        cameras: Mapping[str, tuple[str, Mount]] | None = None,
     ) -> None:
         """Start at t = 0, with the PTU at rest on its demand.
 
@@ -196,7 +197,9 @@ class Aim:
         bodies, start_utc, local, sun_direction, flights : as for `make_demand`
         end_s : time of the last flash [s]
         exposure_s : time during which the pulses of a flash are sent [s]
+        cameras : carrier ("follower" or "ptu") and mount of each camera beside the lidar, by name
         """
+        self._cameras = {name: (carrier, _lidar_link(pose)) for name, (carrier, pose) in (cameras or {}).items()}
         self._ptu, self._mount, self._exposure_s = ptu, mount, exposure_s
         self._trail: list[tuple[PtuState, Command | None]] = []
         self._off_rad = np.zeros(2)  # jitter and misalignment at the last flash
@@ -223,10 +226,10 @@ class Aim:
         self.advance(course.time_s, command)
         if self._ptu is None:
             still = np.zeros(2)
-            return replace(course, poses=add_lidar(course.poses, None, still, still, self._mount))
+            return replace(course, poses=self._add_axes(course.poses, still, still))
         pointing = sense(self._ptu, self._state, rng)
         self._off_rad = pointing.actual_rad - np.array(self._state.angle_rad)
-        poses = add_lidar(course.poses, self._ptu, pointing.actual_rad, pointing.rate_rad_s, self._mount)
+        poses = self._add_axes(course.poses, pointing.actual_rad, pointing.rate_rad_s)
         return replace(course, poses=poses, pointing=pointing)
 
     def advance(self, time_s: float, command: Command | None) -> None:
@@ -259,7 +262,7 @@ class Aim:
         if self._ptu is not None:
             angle = np.array(self._state.angle_rad) + np.array(self._ptu.errors.misalignment_deg) * units.DEG
             rate = np.array(self._state.rate_rad_s)
-        return replace(course, poses=add_lidar(course.poses, self._ptu, angle, rate, self._mount))
+        return replace(course, poses=self._add_axes(course.poses, angle, rate))
 
     def during(self, course: Truth) -> Truth:
         """Step the PTU through instants about the flash of the last call of `at`, under the same commands and jitter.
@@ -287,7 +290,14 @@ class Aim:
             angles = angles + self._off_rad
             if state.time_s > self._state.time_s:
                 self._state = state
-        return replace(course, poses=add_lidar(course.poses, self._ptu, angles, rates, self._mount))
+        return replace(course, poses=self._add_axes(course.poses, angles, rates))
+
+    def _add_axes(self, poses: PoseTree, angle_rad: np.ndarray, rate_rad_s: np.ndarray) -> PoseTree:
+        """Add the axes of PTU, lidar and cameras, for pan and tilt (…, 2) [rad] and their rates [rad/s]."""
+        poses = add_lidar(poses, self._ptu, angle_rad, rate_rad_s, self._mount)
+        for name, (carrier, link) in self._cameras.items():
+            poses = poses.with_node(name, carrier, link)
+        return poses
 
     def save(self) -> AimState:
         """Return the present state, from which `restore` goes on."""

@@ -12,6 +12,7 @@ from rso_lidar.public_names import export_lazily, limit_dir
 if TYPE_CHECKING:
     from rso_lidar.records.facet_table import FacetTable, grid_directions
     from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation, Source, TargetEntry
+    from rso_lidar.records.image import CameraImage, CameraLabels
     from rso_lidar.records.light import Bounces, Contours, Extent, Hits, Oversampled, Photons, Rays, Sky
     from rso_lidar.records.part_classes import OTHER, PART_CLASSES, PartClass
     from rso_lidar.records.reading import Labels, PixelPrediction, Reading, Taps, Waveforms
@@ -62,6 +63,8 @@ __all__ = [
     "BodyMotion",
     "BodyState",
     "Bounces",
+    "CameraImage",
+    "CameraLabels",
     "Command",
     "Contours",
     "Extent",

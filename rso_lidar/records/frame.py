@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rso_lidar.records.image import CameraImage, CameraLabels
 from rso_lidar.records.part_classes import PartClass
 from rso_lidar.records.reading import Labels, Reading
 from rso_lidar.records.schema import Record, array
@@ -51,7 +52,7 @@ class Observation(Record):
 
     `time_s` is the emission of the flash [s since start_utc]. `settings` holds, by name and in SI, the settings in force at
     the flash, such as ``focal_length_m``. `sensors` holds, by name, the samples of other sensors that became available
-    since the flash before.
+    since the flash before. `camera` holds, by name, the images of cameras beside the lidar.
     """
 
     time_s: float
@@ -62,6 +63,7 @@ class Observation(Record):
         "pan_tilt", "f8", "rad", "measured pan and tilt; None without a PTU", optional=True
     )
     sensors: Mapping[str, SensorSamples] = dataclasses.field(default_factory=dict)
+    camera: Mapping[str, CameraImage] = dataclasses.field(default_factory=dict)
 
     @cached_property
     def points_m(self) -> np.ndarray:
@@ -77,6 +79,7 @@ class Frame:
     `index` is the number of the frame in its scenario. `observation` is what the spacecraft could know. `labels` hold the
     true content of each pixel, and `truth` the true poses at `time_s`. `source` holds scenario, seed, versions and the
     names of targets and parts. `kept` holds, by name, the intermediate records that were requested with `keep`.
+    `camera_labels` hold the true content of the pixels of each camera beside the lidar, by name.
     """
 
     index: int
@@ -85,6 +88,7 @@ class Frame:
     truth: Truth
     source: Source
     kept: Mapping[str, Record] = dataclasses.field(default_factory=dict)  # intermediate records requested with `keep`
+    camera_labels: Mapping[str, CameraLabels] = dataclasses.field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Return number, time, pixels and returns."""
@@ -117,6 +121,11 @@ class Frame:
         """Return where the sensor reported a return (row, col), true or false; the labels tell which."""
         valid: np.ndarray = np.isfinite(self.range_m)
         return valid
+
+    @property
+    def camera(self) -> Mapping[str, CameraImage]:
+        """Return the images of the cameras beside the lidar, by name."""
+        return self.observation.camera
 
     @property
     def line_of_sight(self) -> np.ndarray:

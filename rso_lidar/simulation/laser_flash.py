@@ -4,12 +4,24 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from rso_lidar import detector, optics, sampling, scene
+from rso_lidar import detector, imaging, optics, sampling, scene
 from rso_lidar.errors import ScenarioError
+from rso_lidar.optics import Laser
 from rso_lidar.philox import draw_key
-from rso_lidar.records import Frame, Labels, Observation, Reading, Record, SensorSamples, Truth
+from rso_lidar.records import (
+    CameraImage,
+    CameraLabels,
+    Frame,
+    Labels,
+    Observation,
+    Reading,
+    Record,
+    SensorSamples,
+    Truth,
+)
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
 
+_CAMERAS, _PATTERNS = 1000, 2000  # stages of noise: of the images, and of what differs from pixel to pixel
 KEPT = ("rays", "hits", "signal", "photons", "taps", "waveforms", "oversampled", "prediction")
 
 
@@ -86,7 +98,36 @@ def flash(
     if "prediction" in keep:
         records["prediction"] = detector.predict_pixels(photons, lidar.detector, labels.range_m, threads=threads)
     kept = {name: record for name in keep if (record := records[name]) is not None}
-    return assemble_frame(scenario, truth, lidar, index, reading, labels, kept, sensors)
+    images = take_images(scenario, truth, laser, pulses, index, threads) if scenario.camera else {}
+    return assemble_frame(scenario, truth, lidar, index, reading, labels, kept, sensors, images)
+
+
+def take_images(
+    scenario: Scenario, truth: Truth, laser: Laser, pulses: int, index: int, threads: int | None = None
+) -> dict[str, tuple[CameraImage, CameraLabels]]:
+    """Take the image of each camera beside the lidar about one flash.
+
+    Parameters
+    ----------
+    scenario : with its cameras
+    truth : poses of all bodies at the flash
+    laser : with the energy of these pulses
+    pulses : number of pulses of the frame
+    index : of the frame, which selects the noise
+    threads : number of threads (None: one per core). The result is bit for bit the same
+
+    Returns
+    -------
+    Image and labels of each camera, by name.
+    """
+    flash = imaging.Flash(laser, pulses, scenario.surfaces)
+    surroundings = scenario.find_surroundings(truth.time_s)
+    images = {}
+    for number, camera in enumerate(scenario.cameras):
+        surfaces = scenario.camera_surfaces[camera.name]
+        noise = scenario.rng(index, _CAMERAS + number), scenario.rng(0, _PATTERNS + number)
+        images[camera.name] = imaging.take_image(camera, truth, surfaces, surroundings, flash, *noise, threads)
+    return images
 
 
 def assemble_frame(
@@ -98,12 +139,15 @@ def assemble_frame(
     labels: Labels,
     kept: dict[str, Record],
     sensors: Mapping[str, SensorSamples] | None = None,
+    images: Mapping[str, tuple[CameraImage, CameraLabels]] | None = None,
 ) -> Frame:
     """Assemble a frame: reading and labels, with what the spacecraft could know and where the frame comes from."""
     measured = truth.pointing.measured_rad if truth.pointing else None
     sight = lidar.receiver.line_of_sight
-    observation = Observation(truth.time_s, reading, lidar.settings, sight, measured, sensors or {})
-    return Frame(index, observation, labels, truth, scenario.source, kept)
+    camera = {name: image for name, (image, _) in (images or {}).items()}
+    camera_labels = {name: labels_of_image for name, (_, labels_of_image) in (images or {}).items()}
+    observation = Observation(truth.time_s, reading, lidar.settings, sight, measured, sensors or {}, camera)
+    return Frame(index, observation, labels, truth, scenario.source, kept, camera_labels)
 
 
 def check_kept(keep: Iterable[str], scenario: Scenario) -> tuple[str, ...]:

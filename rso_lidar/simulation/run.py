@@ -11,7 +11,7 @@ from typing import Any
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.processes import SentFunction, check_workers, open_executor, send_function
-from rso_lidar.records import Command, Frame, Labels, Reading, Record
+from rso_lidar.records import CameraImage, CameraLabels, Command, Frame, Labels, Reading, Record
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.simulation.first_start import compile_ahead
 from rso_lidar.simulation.laser_flash import assemble_frame, check_kept, flash
@@ -128,14 +128,17 @@ def _begin(
     future = sent.submit(moment.truth, moment.rng, 1, **chosen)
 
     def finish() -> Frame:
-        reading, labels, kept = sent.result(future)
+        reading, labels, kept, images = sent.result(future)
         of = scenario, moment.truth, moment.lidar, moment.index
-        return assemble_frame(*of, reading, labels, kept, moment.sensors)
+        return assemble_frame(*of, reading, labels, kept, moment.sensors, images)
 
     return finish
 
 
-def _make_part(*given: Any, **chosen: Any) -> tuple[Reading, Labels, dict[str, Record]]:
+def _make_part(
+    *given: Any, **chosen: Any
+) -> tuple[Reading, Labels, dict[str, Record], dict[str, tuple[CameraImage, CameraLabels]]]:
     """Make a frame and return what only it holds: the rest need not travel between processes."""
     frame = flash(*given, **chosen)
-    return frame.observation.reading, frame.labels, dict(frame.kept)
+    images = {name: (image, frame.camera_labels[name]) for name, image in frame.camera.items()}
+    return frame.observation.reading, frame.labels, dict(frame.kept), images

@@ -88,7 +88,7 @@ class Simulation:
         self.scenario, self._commanded = scenario, commanded
         self._numbers = scenario.time.choose_frames(frames)
         # Computed once, before threads and processes share them.
-        _ = scenario.surfaces, scenario.source, scenario.instrument, scenario.exposure
+        _ = scenario.surfaces, scenario.source, scenario.instrument, scenario.exposure, scenario.camera_surfaces
         with scenario.locate_errors():
             world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
             exposure_s = scenario.lidar.exposure_s
@@ -101,6 +101,7 @@ class Simulation:
                 *scenario.span,
                 flights=self._course.flights,
                 exposure_s=exposure_s,
+                cameras={camera.name: (camera.carrier, camera.mount) for camera in scenario.camera},
                 **world,
             )
         self._flashes_ns = np.rint(epochs.time_s * NS_PER_S).astype(np.int64)

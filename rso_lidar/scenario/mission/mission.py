@@ -11,15 +11,17 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from rso_lidar.errors import ScenarioError, add_place
+from rso_lidar.errors import ScenarioError, add_place, suppress_warnings
 from rso_lidar.files import convert_path
+from rso_lidar.imaging import Camera, Surroundings
 from rso_lidar.motion import Body, Ptu, find_moon_m, sort_bodies
+from rso_lidar.optics import read_files
 from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.exposure import Exposure
 from rso_lidar.scenario.mission.moon_missions import check_lunar_orbits
 from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics, list_fmus
-from rso_lidar.scenario.mission.sensor_checks import check_sensors, check_tracked_name
+from rso_lidar.scenario.mission.sensor_checks import check_cameras, check_sensors, check_tracked_name
 from rso_lidar.scenario.mission.surface_forces import bind_facets
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces
 from rso_lidar.scenario.mission.validation import read_toml, validate_tables, validate_toml
@@ -34,7 +36,7 @@ from rso_lidar.scene import Surface
 from rso_lidar.sensors import AnySensor
 from rso_lidar.shipped import find
 
-_WITHOUT_NOISE = ("bodies", "pan_tilt", "surfaces", "instrument", "exposure")  # cached, and the same for every seed
+_WITHOUT_NOISE = ("bodies", "pan_tilt", "surfaces", "instrument", "exposure", "cameras", "camera_surfaces")  # cached, and the same for every seed
 
 
 class Mission(Part):
@@ -56,6 +58,9 @@ class Mission(Part):
         default=None, description="Pan-tilt unit. If omitted, the lidar looks along the follower's +x."
     )
     lidar: Lidar = Field(description="Instrument.")
+    camera: tuple[Camera, ...] = Field(
+        default=(), description="Cameras beside the lidar, which take an image with every laser flash."
+    )
     sensor: tuple[AnySensor, ...] = Field(
         default=(), description="Other sensors of the follower, whose samples reach a controller with the next flash."
     )
@@ -206,6 +211,7 @@ class Mission(Part):
                 "time.frame_rate_hz"
             )
         check_sensors(self.sensor, self.target, self.follower)
+        check_cameras(self.camera, bodies, has_ptu=self.ptu is not None)
         check_lunar_orbits(bodies, self.world, self.lidar, self.sensor, self.dispersion)
         receiver = self.lidar.receiver
         if self.finding.pixels > receiver.n_rows * receiver.n_cols:
@@ -319,11 +325,34 @@ class Mission(Part):
 
     def build_surfaces(self) -> tuple[Surface, ...]:
         """Build `surfaces`, and give the warnings of their construction, also where they were built before."""
+        return self._build_surfaces(self.lidar.laser.wavelength_m)
+
+    def _build_surfaces(self, wavelength_m: float) -> tuple[Surface, ...]:
+        """Build the surfaces of all targets as light of a wavelength [m] sees them."""
         surfaces: list[Surface] = []
         for number, target in enumerate(self.target):
             with self.locate_errors(f"target {target.name}"):
-                surfaces += build_surfaces(target, number, self.file, self.lidar.laser.wavelength_m)
+                surfaces += build_surfaces(target, number, self.file, wavelength_m)
         return tuple(surfaces)
+
+    @cached_property
+    def cameras(self) -> tuple[Camera, ...]:
+        """Cameras with the paths of the files that they name."""
+        cameras = []
+        for camera in self.camera:
+            with self.locate_errors(f"camera {camera.name}"):
+                cameras.append(find_named_files(camera, self.file))
+                read_files(camera.lens.even_light, cameras[-1].lens)
+        return tuple(cameras)
+
+    @cached_property
+    def camera_surfaces(self) -> dict[str, tuple[tuple[Surface, ...], ...]]:
+        """Surfaces of the targets as each band of each camera sees them, by the camera's name."""
+        with suppress_warnings():  # those of the meshes have been given
+            return {
+                camera.name: tuple(self._build_surfaces(band.wavelength_m) for band in camera.bands)
+                for camera in self.camera
+            }
 
     def surfaces_of(self, number: int) -> tuple[Surface, ...]:
         """Return the surfaces of one target: that of its body, then those of its hinges.
@@ -383,10 +412,24 @@ class Mission(Part):
         time_s : time [s since start_utc]
         """
         glare = self.lidar.receiver.glare
-        if self.is_local or glare is None or "moon" not in glare.sources:
+        if glare is None or "moon" not in glare.sources:
+            return None
+        return self._find_moon_m(time_s)
+
+    def _find_moon_m(self, time_s: float) -> np.ndarray | None:
+        if self.is_local:
             return None
         position_m: np.ndarray = find_moon_m(self.bodies, Epochs(self.time.start_utc, np.array([time_s])))[0]
         return position_m
+
+    def find_surroundings(self, time_s: float) -> Surroundings:
+        """Find what lights the images of cameras beside the Sun.
+
+        Parameters
+        ----------
+        time_s : time [s since start_utc]
+        """
+        return Surroundings(self.world.earth_albedo, self._find_moon_m(time_s), has_earth=not self.is_local)
 
     def rng(self, frame: int, stage: int = 0) -> np.random.Generator:
         """Return the generator of one frame's noise: it depends on seed, frame and stage only.

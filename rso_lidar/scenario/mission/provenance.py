@@ -96,6 +96,11 @@ def resolve_toml(mission: Mission) -> str:
         f"# file {Path(file).name} of the lidar: SHA-256 {_hash_file(file)}"
         for file in list_named_files(mission.instrument)
     ]
+    sums += [
+        f"# file {Path(file).name} of camera {camera.name}: SHA-256 {_hash_file(file)}"
+        for camera in mission.cameras
+        for file in list_named_files(camera)
+    ]
     return "\n".join([*sums, "", tomli_w.dumps(tree)])
 
 

@@ -1,4 +1,4 @@
-"""Checks of the other sensors and of the PTU of a mission against its bodies, and of sensors against each other."""
+"""Checks of the other sensors, of the cameras and of the PTU of a mission against its bodies, and of sensors against each other."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rso_lidar.errors import add_place, did_you_mean
+from rso_lidar.imaging import Camera
 from rso_lidar.motion import Body, count_dynamics
 from rso_lidar.part import NAME_PATTERN
 from rso_lidar.sensors import RelativeGnss, ThrusterTelemetry, WheelTelemetry, read_schedule
@@ -39,6 +40,23 @@ def check_sensors(sensors: Sequence[Any], targets: Sequence[Body], follower: Bod
             )
         if isinstance(sensor, WheelTelemetry | ThrusterTelemetry):
             sensor.check_dynamics(count_dynamics(follower))
+
+
+def check_cameras(cameras: Sequence[Camera], bodies: Sequence[Body], *, has_ptu: bool) -> None:
+    """Check names and carriers of cameras.
+
+    Raises
+    ------
+    ValueError
+        If two axes have one name, or a camera is on a PTU that the scenario does not have.
+    """
+    taken = ["inertial", "lidar", "ptu"] + [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]
+    for number, camera in enumerate(cameras):
+        if camera.name in taken:
+            raise ValueError(f"camera[{number}].name: '{camera.name}' are other axes already; rename the camera")
+        taken.append(camera.name)
+        if camera.carrier == "ptu" and not has_ptu:
+            raise ValueError(f"camera {camera.name}: carrier is the ptu, and there is none; add [ptu]")
 
 
 def check_tracked_name(tracked: str | None, bodies: Sequence[Body]) -> None:

@@ -1,0 +1,95 @@
+"""The image sensor: expected electrons to counts, by the linear model of EMVA 1288."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar.part import Count, Fraction, NotNegative, Part, Positive, Whole
+
+
+class ImageSensor(Part):
+    """Pixels and electronics of an image sensor: the linear model of EMVA 1288, release 4.0.
+
+    A pixel collects photoelectrons and dark electrons, both with shot noise, up to its full well. Read noise is added, and
+    the sum is converted to counts above the black level, rounded and clipped. Sensitivity and dark current differ from pixel
+    to pixel, the same in all frames of a seed.
+    """
+
+    full_well_electrons: Positive = Field(
+        default=10_000.0,
+        description="Electrons at which a pixel is full. Default: assumed, of a global-shutter CMOS pixel of 5.5 µm.",
+    )
+    read_noise_electrons: NotNegative = Field(
+        default=8.0, description="Noise in the dark at a very short exposure, 1 sigma. Default: assumed."
+    )
+    dark_electrons_per_s: NotNegative = Field(
+        default=50.0, description="Dark current of a pixel [1/s]. Default: assumed, near 25 °C."
+    )
+    electrons_per_count: Positive | None = Field(
+        default=None,
+        description="Electrons of one count, the inverse of the gain. If omitted, a full well is the greatest count.",
+    )
+    bits: Annotated[Count, Field(le=16)] = Field(default=12, description="Bits of the converter. Default: assumed.")
+    black_level_counts: Whole = Field(default=64, ge=0, description="Counts of a dark pixel. Default: assumed.")
+    response_nonuniformity_fraction: Fraction = Field(
+        default=0.01, description="Sensitivity from pixel to pixel, 1 sigma over the mean (PRNU). Default: assumed."
+    )
+    dark_nonuniformity_fraction: Fraction = Field(
+        default=0.2, description="Dark current from pixel to pixel, 1 sigma over the mean. Default: assumed."
+    )
+
+    @model_validator(mode="after")
+    def _has_room(self) -> Self:
+        if self.black_level_counts >= self.greatest_count:
+            raise ValueError(
+                f"black_level_counts: {self.black_level_counts} leaves no counts of the {self.greatest_count} that "
+                f"{self.bits} bits hold; lower it"
+            )
+        return self
+
+    @property
+    def greatest_count(self) -> int:
+        """Greatest output of the converter [counts]."""
+        return int(2**self.bits - 1)
+
+    @property
+    def gain_electrons(self) -> float:
+        """Electrons of one count."""
+        return self.electrons_per_count or self.full_well_electrons / (self.greatest_count - self.black_level_counts)
+
+    def make_pattern(self, shape: tuple[int, ...], rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Draw the sensitivity and the dark current of each pixel over their means.
+
+        Parameters
+        ----------
+        shape : of the pixels (row, col, band)
+        rng : the same for all frames of a run
+
+        Returns
+        -------
+        Both factors (row, col, band), at least 0.
+        """
+        response = 1.0 + self.response_nonuniformity_fraction * rng.standard_normal(shape)
+        dark = 1.0 + self.dark_nonuniformity_fraction * rng.standard_normal(shape)
+        return np.maximum(response, 0.0), np.maximum(dark, 0.0)
+
+    def read(self, electrons: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Draw what the sensor reports.
+
+        Parameters
+        ----------
+        electrons : expected electrons of each pixel, dark ones included
+        rng : of this frame
+
+        Returns
+        -------
+        Counts of each pixel, u2.
+        """
+        collected = np.minimum(rng.poisson(electrons), self.full_well_electrons)
+        if self.read_noise_electrons > 0.0:
+            collected = collected + self.read_noise_electrons * rng.standard_normal(electrons.shape)
+        counts = np.rint(collected / self.gain_electrons + self.black_level_counts)
+        return np.clip(counts, 0, self.greatest_count).astype(np.uint16)
