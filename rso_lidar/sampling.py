@@ -1,16 +1,20 @@
-"""Sampling of the pixels with rays: one in each interval that contours cut from scan lines, or a fixed grid."""
+"""Sampling of the pixels with rays: one in each interval that contours cut from scan lines, a fixed grid, or where needed."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from rso_lidar import optics, scene
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.records import Hits, Rays, Truth
+from rso_lidar.records import Hits, Rays, Truth, specs
 from rso_lidar.scene import Surface
 
 # Least relative step of light between two facets that counts as a contour, over the error asked for; and at most:
 _CREASE, _MOST_CREASE = 5.0, 0.1
+_LIGHT_STEP = 0.1  # of a sunlit image: relative step of light from pixel to pixel that is sampled by a grid
 
 
 def cast_pixels(
@@ -19,8 +23,6 @@ def cast_pixels(
     surfaces: Sequence[Surface],
     truth: Truth,
     threads: int | None = None,
-    *,
-    has_penumbra: bool = False,
 ) -> Hits:
     """Cast the rays of one flash.
 
@@ -28,7 +30,6 @@ def cast_pixels(
     ----------
     receiver : decides how rays sample its pixels, by `sampling_error` or `rays_per_pixel`
     threads : number of threads (None: one per core). The result is bit for bit the same
-    has_penumbra : whether shadows of the Sun have soft edges
 
     Returns
     -------
@@ -45,7 +46,6 @@ def cast_pixels(
             laser_from_m=laser.offset,
             sun=receiver.filter_width_nm is not None,
             aperture_m=receiver.aperture_m,
-            penumbra_pixel_rad=receiver.pixel_tangent if has_penumbra else None,
         )
 
     least_crease = min(_CREASE * receiver.sampling_error, _MOST_CREASE)
@@ -59,3 +59,99 @@ def cast_pixels(
         finer = cast(lines.rays)
         hits, _ = lines.take(finer, optics.pixel_photons(finer, laser, receiver), hits)
     return hits
+
+
+def cast_image(
+    receiver: Receiver, light: Laser, surfaces: Sequence[Surface], truth: Truth, threads: int | None = None
+) -> Hits:
+    """Cast the rays of a sunlit image: one through the middle of each pixel, and a grid where the image has edges.
+
+    Parameters
+    ----------
+    receiver : with a filter; its `rays_per_pixel` is the grid of pixels on edges
+    light : even light over the field, which is not counted
+    threads : number of threads (None: one per core). The result is bit for bit the same
+
+    Returns
+    -------
+    Hits in the order of pixels, with the sunlight on each.
+    """
+    once = receiver if receiver.rays_per_side == 1 else receiver.replace(rays_per_pixel=1)
+    hits = cast_pixels(once, light, surfaces, truth, threads)
+    edges = _find_edges(hits) if receiver.rays_per_side > 1 else np.empty(0, np.int64)
+    if not len(edges):
+        return hits
+    rays = _grid_rays(receiver, edges)
+    finer = scene.cast(rays, surfaces, truth, threads, sun=True, aperture_m=receiver.aperture_m)
+    is_edge = np.zeros(receiver.n_rows * receiver.n_cols, bool)
+    is_edge[edges] = True
+    return _join(_leave_out(hits, is_edge), finer)
+
+
+def _find_edges(hits: Hits) -> np.ndarray:
+    """Find the pixels beside an edge (pixel): of a part, or of light; those that have several rays are fine enough."""
+    rows, cols = hits.rays.shape
+    light, piece = np.zeros(rows * cols), np.full(rows * cols, -1, np.int64)
+    assert hits.sunlight_per_sr is not None
+    light[hits.pixel] = hits.sunlight_per_sr
+    piece[hits.pixel] = hits.target.astype(np.int64) << 16 | hits.part
+    light, piece = light.reshape(rows, cols), piece.reshape(rows, cols)
+    is_edge = np.zeros((rows, cols), bool)
+    for here, there in (
+        (np.s_[1:, :], np.s_[:-1, :]),
+        (np.s_[:, 1:], np.s_[:, :-1]),
+        (np.s_[1:, 1:], np.s_[:-1, :-1]),
+        (np.s_[1:, :-1], np.s_[:-1, 1:]),
+    ):
+        a, b = light[here], light[there]
+        differ = (piece[here] != piece[there]) | (np.abs(a - b) > _LIGHT_STEP * np.maximum(a, b))
+        is_edge[here] |= differ
+        is_edge[there] |= differ
+    is_edge.ravel()[hits.rays.pixel[1:][np.diff(hits.rays.pixel) == 0]] = False
+    return np.flatnonzero(is_edge)
+
+
+def _grid_rays(receiver: Receiver, pixels: np.ndarray) -> Rays:
+    """Return the k x k rays of some pixels (pixel), ascending."""
+    k = receiver.rays_per_side
+    row, col = np.divmod(np.repeat(pixels, k * k), receiver.n_cols)
+    down, right = np.divmod(np.tile(np.arange(k * k), len(pixels)), k)
+    x, y = receiver.tangents_at(col + (right + 0.5) / k, row + (down + 0.5) / k)
+    direction = np.stack([x, y, np.ones(len(x))])
+    direction /= np.sqrt(x * x + y * y + 1.0)
+    weight = np.full(len(x), 1.0 / k**2)
+    return Rays(receiver.shape, direction.T, np.repeat(pixels, k * k).astype(np.int32), weight)
+
+
+def _leave_out(hits: Hits, is_left_out: np.ndarray) -> Hits:
+    """Return the hits without those in some pixels (mask over all pixels), and without their rays."""
+    rays = hits.rays
+    kept_rays, kept = np.flatnonzero(~is_left_out[rays.pixel]), np.flatnonzero(~is_left_out[hits.pixel])
+    place = np.zeros(len(rays.pixel), np.int32)
+    place[kept_rays] = np.arange(len(kept_rays))
+    chosen = Rays(rays.shape, rays.direction[kept_rays], rays.pixel[kept_rays], rays.weight[kept_rays])
+    fields = {name: getattr(hits, name)[kept] for name in _list_fields(hits)}
+    return replace(hits, rays=chosen, **fields | {"ray": place[fields["ray"]]}, photons_variance=None)
+
+
+def _join(a: Hits, b: Hits) -> Hits:
+    """Join the hits of two sets of pixels, in the order of pixels."""
+    order = np.argsort(np.concatenate([a.rays.pixel, b.rays.pixel]), kind="stable")
+    rays = Rays(
+        a.rays.shape,
+        np.concatenate([a.rays.direction, b.rays.direction])[order],
+        np.concatenate([a.rays.pixel, b.rays.pixel])[order],
+        np.concatenate([a.rays.weight, b.rays.weight])[order],
+    )
+    place = np.empty(len(order), np.int32)
+    place[order] = np.arange(len(order))
+    ray = place[np.concatenate([a.ray, b.ray + len(a.rays.pixel)])]
+    sort = np.argsort(ray, kind="stable")
+    names = [name for name in _list_fields(a) if name != "ray"]
+    fields = {name: np.concatenate([getattr(a, name), getattr(b, name)])[sort] for name in names}
+    return replace(a, rays=rays, ray=ray[sort], **fields)
+
+
+def _list_fields(hits: Hits) -> list[str]:
+    """List the fields of hits that have one value for each."""
+    return [name for name, spec in specs(Hits).items() if spec.dims == ("hit",) and getattr(hits, name) is not None]

@@ -49,7 +49,7 @@ class Band(Part):
 class CameraLens(Receiver):
     """Lens and focal plane of a camera, with the keys of the lidar's receiver.
 
-    Rays sample the pixels on a fixed grid. `glare` scatters light of Sun, Earth and Moon over the image; their own images do
+    `glare` scatters light of Sun, Earth and Moon over the image; their own images do
     not need it.
     """
 
@@ -58,7 +58,9 @@ class CameraLens(Receiver):
     pixel_pitch_um: Positive = Field(default=5.5, description="Pitch of the square pixels [µm]. Default: assumed.")
     transmission: Positive = Field(default=0.9, le=1, description="Transmission of the lens. Default: assumed.")
     rays_per_pixel: Count = Field(
-        default=4, description="Number of rays per pixel, a square number k × k. Default: a choice of sampling."
+        default=4,
+        description="Number of rays of a pixel on an edge of a part, of light or of shadow, a square number k × k. Other "
+        "pixels have one ray. Default: a choice of sampling.",
     )
     filter_width_nm: Positive = Field(
         default=1.0, exclude=True, description="Leave it out: a camera has the width of its bands [nm]."

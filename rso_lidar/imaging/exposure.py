@@ -16,6 +16,7 @@ import numpy as np
 
 from rso_lidar import optics, sampling, scene, units
 from rso_lidar.imaging.camera import AutoExposure, Band, Camera
+from rso_lidar.imaging.image_sensor import draw_pattern
 from rso_lidar.imaging.stars import image_stars, spread_stars
 from rso_lidar.optics import Laser
 from rso_lidar.pose import ROOT, cross, length
@@ -63,7 +64,7 @@ def take_image(
     surroundings: Surroundings,
     flash: Flash | None,
     rng: np.random.Generator,
-    pattern_rng: np.random.Generator,
+    pattern_seed: int,
     threads: int | None = None,
 ) -> tuple[CameraImage, CameraLabels]:
     """Take the image of one camera about a laser flash.
@@ -76,7 +77,7 @@ def take_image(
     surroundings : Earth and Moon
     flash : the lidar's light; None for none
     rng : source of the noise of this image
-    pattern_rng : source of what differs from pixel to pixel, the same for all images of a run
+    pattern_seed : random seed of what differs from pixel to pixel, the same for all images of a run
     threads : number of threads (None: one per core). The result is the same to the bit
 
     Returns
@@ -101,7 +102,7 @@ def take_image(
     electrons = image_m2 * (per_m2_s * exposure_s)
     if flash is not None:
         electrons = electrons + _gather_flash(camera, truth, view, flash, light.hits, start_s, exposure_s, threads)
-    response, dark = camera.sensor.make_pattern(camera.shape, pattern_rng)
+    response, dark = draw_pattern(camera.sensor, camera.shape, pattern_seed)
     expected = electrons * response + camera.sensor.dark_electrons_per_s * exposure_s * dark
     image = CameraImage(counts=camera.sensor.read(expected, rng), exposure_s=np.float64(exposure_s))
     return image, _label(light.hits, electrons)
@@ -173,9 +174,7 @@ def _gather_light(
 ) -> _Light:
     """Gather the light of targets and sky at one instant."""
     lens, image = camera.lens, np.empty(camera.shape)
-    first = sampling.cast_pixels(
-        lens, lens.even_light, surfaces[0], view, threads, has_penumbra=camera.has_penumbra
-    )
+    first = sampling.cast_image(lens, lens.even_light, surfaces[0], view, threads)
     sky = _image_bodies(camera, view, surroundings)
     stars = _find_stars(camera, view, surfaces[0], surroundings)
     free = np.clip(1.0 - _sum_pixels(first, first.weight), 0.0, 1.0)
@@ -183,16 +182,9 @@ def _gather_light(
     for number, (band, of_band) in enumerate(zip(camera.bands, surfaces, strict=True)):
         hits = first
         if number and not all(a is b for a, b in zip(of_band, surfaces[0], strict=True)):
-            pixel_rad = lens.pixel_tangent if camera.has_penumbra else None
-            hits = scene.cast(
-                first.rays,
-                of_band,
-                view,
-                threads,
-                sun=True,
-                aperture_m=lens.aperture_m,
-                penumbra_pixel_rad=pixel_rad,
-            )
+            hits = scene.cast(first.rays, of_band, view, threads, sun=True, aperture_m=lens.aperture_m)
+        if camera.has_penumbra:
+            hits = scene.soften_shadows(hits, of_band, view, lens.pixel_tangent, threads)
         if surroundings.earth_albedo is not None and surroundings.has_earth:
             hits = scene.add_earthshine(hits, of_band, view, surroundings.earth_albedo, threads)
         plane = optics.image_sunlight(hits, lens, band.wavelength_m)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated, Self
 
 import numpy as np
@@ -60,22 +61,6 @@ class ImageSensor(Part):
         """Electrons of one count."""
         return self.electrons_per_count or self.full_well_electrons / (self.greatest_count - self.black_level_counts)
 
-    def make_pattern(self, shape: tuple[int, ...], rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the sensitivity and the dark current of each pixel over their means.
-
-        Parameters
-        ----------
-        shape : of the pixels (row, col, band)
-        rng : the same for all frames of a run
-
-        Returns
-        -------
-        Both factors (row, col, band), at least 0.
-        """
-        response = 1.0 + self.response_nonuniformity_fraction * rng.standard_normal(shape)
-        dark = 1.0 + self.dark_nonuniformity_fraction * rng.standard_normal(shape)
-        return np.maximum(response, 0.0), np.maximum(dark, 0.0)
-
     def read(self, electrons: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Draw what the sensor reports.
 
@@ -93,3 +78,24 @@ class ImageSensor(Part):
             collected = collected + self.read_noise_electrons * rng.standard_normal(electrons.shape)
         counts = np.rint(collected / self.gain_electrons + self.black_level_counts)
         return np.clip(counts, 0, self.greatest_count).astype(np.uint16)
+
+
+@lru_cache(maxsize=8)
+def draw_pattern(sensor: ImageSensor, shape: tuple[int, ...], seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Draw the sensitivity and the dark current of each pixel over their means.
+
+    Parameters
+    ----------
+    sensor : with its nonuniformity
+    shape : of the pixels (row, col, band)
+    seed : random seed of this camera, the same for all frames of a run
+
+    Returns
+    -------
+    Both factors (row, col, band), at least 0, read-only.
+    """
+    rng = np.random.default_rng(seed)
+    response = np.maximum(1.0 + sensor.response_nonuniformity_fraction * rng.standard_normal(shape), 0.0)
+    dark = np.maximum(1.0 + sensor.dark_nonuniformity_fraction * rng.standard_normal(shape), 0.0)
+    response.flags.writeable = dark.flags.writeable = False
+    return response, dark

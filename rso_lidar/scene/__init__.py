@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from rso_lidar.scene import library
     from rso_lidar.scene.bounces.bounce import bounce
     from rso_lidar.scene.bounces.earthshine import add_earthshine
+    from rso_lidar.scene.bounces.penumbra import soften_shadows
     from rso_lidar.scene.casting.cast import cast
     from rso_lidar.scene.casting.contours import contours, find_textures
     from rso_lidar.scene.casting.extent import extent
@@ -113,6 +114,7 @@ __all__ = [
     "read_facet_colours",
     "remove_model",
     "render_portrait",
+    "soften_shadows",
     "split_at_hinges",
     "tabulate_loads",
     "viewer_axes",

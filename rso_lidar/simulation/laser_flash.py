@@ -21,7 +21,7 @@ from rso_lidar.records import (
 )
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
 
-_CAMERAS, _PATTERNS = 1000, 2000  # stages of noise: of the images, and of what differs from pixel to pixel
+_CAMERAS = 1000  # first of the stages of noise of the cameras, in their order
 KEPT = ("rays", "hits", "signal", "photons", "taps", "waveforms", "oversampled", "prediction")
 
 
@@ -125,8 +125,10 @@ def take_images(
     images = {}
     for number, camera in enumerate(scenario.cameras):
         surfaces = scenario.camera_surfaces[camera.name]
-        noise = scenario.rng(index, _CAMERAS + number), scenario.rng(0, _PATTERNS + number)
-        images[camera.name] = imaging.take_image(camera, truth, surfaces, surroundings, flash, *noise, threads)
+        noise, pattern_seed = scenario.rng(index, _CAMERAS + number), scenario.seed_of(camera.name)
+        images[camera.name] = imaging.take_image(
+            camera, truth, surfaces, surroundings, flash, noise, pattern_seed, threads
+        )
     return images
 
 

@@ -25,6 +25,9 @@ SCALES = {  # what the coordinate of a dimension means
     "sample": "number of the sample in its trace",
     "fine_row": "row of the oversampled image, 0 at the top",
     "fine_col": "column of the oversampled image, 0 at the left",
+    "image_row": "row of the camera's image, 0 at the top",
+    "image_col": "column of the camera's image, 0 at the left",
+    "band": "number of the band, in the order of the scenario",
 }
 _TIME_LINE = ("units", "calendar", "units_metadata", "comment")  # attributes of /time that other times have, too
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.layout import intermediates, sensor_samples
+from rso_lidar.export.layout import camera_images, intermediates, sensor_samples
 from rso_lidar.pose import ROOT, PoseTree
 from rso_lidar.records import ArraySpec, BodyState, Frame, Labels, PtuAngles, Reading, Truth, specs
 
@@ -82,8 +82,8 @@ class Variable:
 
     @property
     def is_image(self) -> bool:
-        """Whether an entry covers the focal plane, at its own resolution or a finer one."""
-        return "row" in self.spec.dims or "fine_row" in self.spec.dims
+        """Whether an entry covers a focal plane: the lidar's, at its own resolution or a finer one, or a camera's."""
+        return not {"row", "fine_row", "image_row"}.isdisjoint(self.spec.dims)
 
     @property
     def is_series(self) -> bool:
@@ -183,6 +183,7 @@ def list_optional(frame: Frame) -> dict[str, ArraySpec]:
     }
     array_specs |= {f"truth/{name}/sunlit": SUNLIT for name in frame.truth.sunlit}
     array_specs |= sensor_samples.list_arrays(frame.observation.sensors)
+    array_specs |= camera_images.list_arrays(frame.camera)
     return array_specs | intermediates.list_arrays(frame.kept)
 
 
@@ -225,6 +226,7 @@ def collect_values(frame: Frame) -> dict[str, Any]:
     }
     values |= intermediates.collect_arrays(frame.kept, frame.range_m.shape)
     values |= sensor_samples.collect_arrays(observation.sensors)
+    values |= camera_images.collect_arrays(frame)
     values |= {f"settings/{name}": value for name, value in observation.settings.items()}
     if truth.pointing is not None:
         values |= {path: getattr(truth.pointing, name)[place] for path, name, place in POINTING}

@@ -12,7 +12,7 @@ from typing import Any, overload
 import numpy as np
 
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean
-from rso_lidar.export.layout import intermediates
+from rso_lidar.export.layout import camera_images, intermediates
 from rso_lidar.export.layout.datasets import FLAGS, INERTIAL, LABELS, MORE_LABELS, POINTING, READING, RETURNS
 from rso_lidar.export.layout.sensor_samples import COUNT, GROUP, make_samples
 from rso_lidar.export.reader.recording_file import RecordingFile
@@ -20,6 +20,8 @@ from rso_lidar.export.reader.stored_array import StoredArray
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import (
     BodyState,
+    CameraImage,
+    CameraLabels,
     Frame,
     Labels,
     Observation,
@@ -151,6 +153,11 @@ class Recording(RecordingFile, Sequence[Frame]):
         return self._kept_arrays("prediction")
 
     @property
+    def camera(self) -> dict[str, SimpleNamespace]:
+        """Images and labels of each camera beside the lidar, by name: ``recording.camera["nav"].counts[10:20]``."""
+        return {name: self._named(camera_images.name_arrays(name)) for name in self.cameras}
+
+    @property
     def lens(self) -> StoredArray:
         """Number of the line of sight of each frame (time), where the lens changes."""
         return StoredArray(self, "lens")
@@ -200,6 +207,7 @@ class Recording(RecordingFile, Sequence[Frame]):
         time_s = float(self._row("time", k))
         reading = Reading(**self._arrays(READING | RETURNS | FLAGS, k))
         pointing = self._pointing(k)
+        images = {name: self._read_image(name, k) for name in self.cameras}
         links = {name: self._link(f"truth/{name}", k) for name in self._parents}
         states = {
             name: BodyState(**{field: self._row(f"truth/{name}/{path}", k) for path, field in INERTIAL.items()})
@@ -212,6 +220,7 @@ class Recording(RecordingFile, Sequence[Frame]):
             line_of_sight=self._sight_of(int(self._row("lens", k)) if self.changes_lens else 0),
             pan_tilt_rad=None if pointing is None else pointing.measured_rad,
             sensors=self.read_samples(k),
+            camera={name: image for name, (image, _) in images.items()},
         )
         sun = self._row("truth/sun_direction", k)
         sunlit = {name: float(self._row(f"truth/{name}/sunlit", k)) for name in self._sunlit}
@@ -222,11 +231,16 @@ class Recording(RecordingFile, Sequence[Frame]):
             truth=Truth(time_s, PoseTree(self._parents, links), states, sun, pointing, sunlit),
             source=self.source,
             kept={group: self._kept_record(group, k) for group in self.kept},
+            camera_labels={name: labels for name, (_, labels) in images.items()},
         )
 
     def _arrays(self, names: Mapping[str, str], k: int) -> dict[str, np.ndarray]:
         """Return one entry of each of these datasets that the recording has, by name in the record."""
         return {name: self.read(path, k) for path, name in names.items() if path in self._datasets}
+
+    def _read_image(self, camera: str, k: int) -> tuple[CameraImage, CameraLabels]:
+        paths = camera_images.name_arrays(camera)
+        return camera_images.restore_records(camera, {path: self.read(path, k) for path in paths})
 
     def _kept_record(self, group: str, k: int) -> Record:
         entries = self._arrays({f"{group}/{path}": name for path, name in intermediates.FIELDS[group].items()}, k)

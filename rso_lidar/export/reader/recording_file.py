@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from rso_lidar.errors import RecordingError, join_problems
-from rso_lidar.export.layout import intermediates
+from rso_lidar.export.layout import camera_images, intermediates
 from rso_lidar.export.layout.checksum import compute_texts_crc32
 from rso_lidar.export.layout.datasets import INERTIAL, LABELS, NODE, POINTING, READING
 from rso_lidar.export.layout.target_table import read_targets
@@ -192,6 +192,7 @@ class RecordingFile:
         self._sunlit = [match[1] for path in optional if (match := re.fullmatch("truth/(.+)/sunlit", path))]
         groups = [group for group in intermediates.RECORDS if any(path.startswith(f"{group}/") for path in optional)]
         self.kept = tuple(groups)  # names of the intermediate records that it holds
+        self.cameras = tuple(camera_images.list_cameras(optional))  # names of the cameras of which it holds images
         paths = ["time", "frame_index", *READING, *LABELS, "truth/sun_direction", *optional]
         paths += [f"truth/{name}/{path}" for name in self._parents for path in NODE]
         paths += [f"truth/{name}/{path}" for name in self._states for path in INERTIAL]

@@ -276,6 +276,8 @@ def _image_sky(bodies: SkyBodies, wanted: tuple[int, ...], receiver: Receiver) -
         if place is None:
             continue
         ahead = place / np.linalg.norm(place)
+        if math.acos(min(max(ahead[2], -1.0), 1.0)) > radius + 2.0 * reach + _half_field_rad(receiver):
+            continue
         apart = np.arccos(np.clip(receiver.line_of_sight.reshape(-1, 3) @ ahead, -1.0, 1.0))
         pixel = np.flatnonzero(apart <= radius + 2.0 * reach)
         if not len(pixel):

@@ -256,7 +256,7 @@ class Mission(Part):
                 if (check := getattr(resolved_part, "check", None)) is not None:
                     check(self.time.start_utc)  # a bad element set is an error now, with its place
             if (seeded := getattr(resolved_part, "with_seed", None)) is not None:
-                resolved_part = seeded(_mix_seed(self.seed, body.name))
+                resolved_part = seeded(self.seed_of(body.name))
             if resolved_part is not part:
                 changes[place] = resolved_part
         body = body.replace(**changes) if changes else body
@@ -441,7 +441,12 @@ class Mission(Part):
         """
         return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(frame, stage))))
 
+    def seed_of(self, name: str) -> int:
+        """Return the seed of the own errors of a body or a camera, from that of the scenario and a name.
 
-def _mix_seed(seed: int, name: str) -> int:
-    """Return the seed of a body's own errors, from that of the scenario and the body's name."""
-    return int(np.random.SeedSequence([seed, *name.encode()]).generate_state(1, np.uint64)[0] >> np.uint64(1))
+        Parameters
+        ----------
+        name : of the body or the camera
+        """
+        state = np.random.SeedSequence([self.seed, *name.encode()]).generate_state(1, np.uint64)
+        return int(state[0] >> np.uint64(1))

@@ -7,7 +7,7 @@ number of bands.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +36,6 @@ def cast(
     laser_from_m: ArrayLike | None = None,
     sun: bool = False,
     aperture_m: float = 0.0,
-    penumbra_pixel_rad: float | None = None,
 ) -> Hits:
     """Cast rays and find the first facet that each of them hits, over the surfaces of all targets.
 
@@ -53,8 +52,6 @@ def cast(
         lens the incidence is the laser's (0 in shadow), and the BRDF takes both directions
     sun : whether to compute the sunlight that the hits reflect toward the lidar
     aperture_m : diameter of the lens [m], over which lobes narrower than the lens are averaged
-    penumbra_pixel_rad : angle of a pixel [rad], near which the edges of shadows are as soft as the Sun's disc makes them;
-        None for sharp edges
 
     Returns
     -------
@@ -76,9 +73,7 @@ def cast(
     )
     laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
     if sun or laser.any() or any(surface.has_own_normals for surface in surfaces):
-        hits = _relight(
-            hits, number, facet, surfaces, truth, threads, laser, sun=sun, penumbra_pixel_rad=penumbra_pixel_rad
-        )
+        hits = _relight(hits, number, facet, surfaces, truth, threads, laser, sun=sun)
     return _average_over_lens(hits, number, facet, surfaces, laser, aperture_m)
 
 
@@ -120,7 +115,6 @@ def _relight(
     laser_from_m: np.ndarray,
     *,
     sun: bool,
-    penumbra_pixel_rad: float | None,
 ) -> Hits:
     """Compute incidence and BRDF for a laser beside the lens, for sunlight, and for interpolated or tilted normals.
 
@@ -141,53 +135,11 @@ def _relight(
         elif surface.has_own_normals:
             cosine[on], brdf[on] = here.base_cos_out, here.own_brdf_per_sr()
         if sunlight is not None:
-            sunlight[on] = _compute_sunlight(here)
+            sunlight[on] = compute_sunlight(here)
 
     pieces = split_by_surface(number, len(surfaces), BAND_RAYS)
     run_in_threads(threads, lambda piece: light(*piece), pieces)
-    if sunlight is not None and penumbra_pixel_rad is not None and len(sunlight):
-        reach_m = SUN_RADIUS_RAD * _farthest_shade_m(surfaces, truth)
-        is_near = _find_shadow_edges(hits, sunlight, reach_m, penumbra_pixel_rad)
-
-        def soften(k: int, on: np.ndarray) -> None:
-            on = on[is_near[on]]
-            direction = hits.rays.direction[hits.ray[on]]
-            here = localize_hits(surfaces, k, truth, direction, facet[on], hits.range_m[on], cosine_of_facets[on])
-            sunlight[on] = _compute_sunlight(here, has_penumbra=True)
-
-        cosine_of_facets = hits.cos_incidence
-        run_in_threads(threads, lambda piece: soften(*piece), pieces)
     return replace(hits, cos_incidence=cosine, brdf_per_sr=brdf, sunlight_per_sr=sunlight)
-
-
-def _farthest_shade_m(surfaces: Sequence[Surface], truth: Truth) -> float:
-    """Return the greatest distance from which one surface may shade another or itself [m]."""
-    centres = []
-    for surface in surfaces:
-        origin, turn = truth.poses.place("lidar", surface.name)
-        centre, radius = surface.sphere
-        centres.append((origin + rotate_vectors(turn, centre), radius))
-    return max(
-        float(np.linalg.norm(a - b)) + radius_a + radius_b for a, radius_a in centres for b, radius_b in centres
-    )
-
-
-def _find_shadow_edges(hits: Hits, sunlight: np.ndarray, reach_m: float, pixel_rad: float) -> np.ndarray:
-    """Find the hits (hit) that may be in a penumbra: those near both a sunlit hit and one without sunlight.
-
-    Parameters
-    ----------
-    reach_m : half the greatest width of a penumbra [m]
-    """
-    from scipy.ndimage import maximum_filter
-
-    n_pixels = hits.rays.shape[0] * hits.rays.shape[1]
-    width = 2 * int(min(np.ceil(reach_m / (float(hits.range_m.min()) * pixel_rad)) + 1.0, max(hits.rays.shape))) + 1
-    is_lit = np.bincount(hits.pixel, sunlight > 0.0, n_pixels).reshape(hits.rays.shape) > 0.0
-    is_dark = np.bincount(hits.pixel, sunlight <= 0.0, n_pixels).reshape(hits.rays.shape) > 0.0
-    is_near = maximum_filter(is_lit, width) & maximum_filter(is_dark, width)
-    near: np.ndarray = is_near.ravel()[hits.pixel]
-    return near
 
 
 def _compute_laser_light(hits: LocalHits, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -214,12 +166,20 @@ def _compute_laser_light(hits: LocalHits, laser_from_m: np.ndarray) -> tuple[np.
     return cos_in, brdf
 
 
-def _compute_sunlight(hits: LocalHits, *, has_penumbra: bool = False) -> np.ndarray:
+def compute_sunlight(
+    hits: LocalHits, find_visible: Callable[[LocalHits, np.ndarray, np.ndarray], np.ndarray] | None = None
+) -> np.ndarray:
     """Compute BRDF times cosine of incidence [1/sr] of sunlight toward the lidar, times the sunlit share of the Sun's disc.
 
     A lobe that changes within the disc is averaged over two rings of six points. This is Gauss quadrature in the square
     of the radius, exact for polynomials of degree five in the offset. It is good to a few per cent for lobes down to half
-    the disc. Shadows have a sharp edge, for the shadow ray goes to the centre of the disc, unless `has_penumbra`.
+    the disc. Shadows have a sharp edge: the shadow ray goes to the centre of the disc.
+
+    Parameters
+    ----------
+    hits : hits on one surface
+    find_visible : called with the hits, a mask of those on the Sun's side, and points of equal weight on the disc (point,
+        xyz), returns the share (hit) of the disc that no surface hides. None for a sharp edge
     """
     lit = np.zeros(len(hits.facet))
     sun = np.asarray(hits.truth.sun_direction, dtype=float)
@@ -230,8 +190,8 @@ def _compute_sunlight(hits: LocalHits, *, has_penumbra: bool = False) -> np.ndar
     toward = np.repeat(to_sun[:, None], len(lit), axis=1)
     up = (dot(hits.facing, toward) > 0.0) & (hits.cos_out > 0.0)
     ring = _disc(to_sun)
-    if has_penumbra:
-        visible = _find_visible_share(hits, up, ring)
+    if find_visible is not None:
+        visible = find_visible(hits, up, ring)
     else:
         visible = up.astype(float)
         visible[find_shadowed(hits, up, toward, np.full(len(up), np.inf))] = 0.0
@@ -255,33 +215,6 @@ def _compute_sunlight(hits: LocalHits, *, has_penumbra: bool = False) -> np.ndar
 
     lit[on] = share * visible[on] * hits.surface.evaluate_by_material(hits.facet[on], ask)
     return lit
-
-
-def _find_visible_share(hits: LocalHits, up: np.ndarray, disc: np.ndarray) -> np.ndarray:
-    """Find the share (hit) of the Sun's disc that no surface hides; 0 for hits that are not `up`.
-
-    Three points of the outer ring come first. Where they agree, the others are not asked.
-
-    Parameters
-    ----------
-    up : (hit) hits on the Sun's side of their facet
-    disc : (point, xyz) points of equal weight on the disc, the outer ring last
-    """
-    reach_m, hidden = np.full(len(up), np.inf), np.zeros((len(disc), len(up)), dtype=bool)
-
-    def ask(point: int, asked: np.ndarray) -> None:
-        toward = np.repeat(disc[point][:, None], len(up), axis=1)
-        hidden[point, find_shadowed(hits, asked, toward, reach_m)] = True
-
-    first = range(len(disc) // 2, len(disc), 2)
-    for point in first:
-        ask(point, up)
-    count = hidden[list(first)].sum(axis=0)
-    is_mixed = up & (count > 0) & (count < len(first))
-    for point in set(range(len(disc))) - set(first):
-        ask(point, is_mixed)
-    share = np.where(is_mixed, 1.0 - hidden.mean(axis=0), count == 0)
-    return np.where(up, share, 0.0)
 
 
 def _disc(to_sun: np.ndarray) -> np.ndarray:
