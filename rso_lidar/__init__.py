@@ -24,6 +24,7 @@ if _TYPE_CHECKING:
         dataset,
         detector,
         export,
+        imaging,
         loop,
         motion,
         optics,
@@ -50,6 +51,7 @@ if _TYPE_CHECKING:
     )
     from rso_lidar.evaluation import save, view
     from rso_lidar.export import open
+    from rso_lidar.imaging import Camera
     from rso_lidar.mission_analysis import budget, timeline, truth
     from rso_lidar.motion import (
         Axes,
@@ -103,6 +105,7 @@ if _TYPE_CHECKING:
 
 __all__ = [
     "Axes",
+    "Camera",
     "CatalogError",
     "Command",
     "Constraints",
@@ -167,6 +170,7 @@ __all__ = [
     "export",
     "facet_forces",
     "flash",
+    "imaging",
     "loop",
     "motion",
     "open",
@@ -189,7 +193,20 @@ __all__ = [
 
 __dir__ = _limit_dir(__name__, "__doc__", "__version__")
 _get_export = _export_lazily(__name__)
-_ROOMS = ("orbit", "rpo", "motion", "sensors", "scene", "optics", "detector", "records", "study", "track", "export")
+_ROOMS = (
+    "orbit",
+    "rpo",
+    "motion",
+    "sensors",
+    "scene",
+    "optics",
+    "detector",
+    "records",
+    "study",
+    "track",
+    "export",
+    "imaging",
+)
 
 
 if not _TYPE_CHECKING:  # which finds a wrong name itself

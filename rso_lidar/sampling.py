@@ -1,4 +1,4 @@
-"""Sampling of the pixels with rays: one in each interval that contours cut from scan lines, a fixed grid, or where needed."""
+"""Sampling of the pixels with rays: along scan lines that contours cut, on a fixed grid, or more on edges of an image."""
 
 from __future__ import annotations
 
@@ -91,11 +91,10 @@ def cast_image(
 def _find_edges(hits: Hits) -> np.ndarray:
     """Find the pixels beside an edge (pixel): of a part, or of light; those that have several rays are fine enough."""
     rows, cols = hits.rays.shape
-    light, piece = np.zeros(rows * cols), np.full(rows * cols, -1, np.int64)
+    light, piece = np.zeros((rows, cols)), np.full((rows, cols), -1, np.int64)
     assert hits.sunlight_per_sr is not None
-    light[hits.pixel] = hits.sunlight_per_sr
-    piece[hits.pixel] = hits.target.astype(np.int64) << 16 | hits.part
-    light, piece = light.reshape(rows, cols), piece.reshape(rows, cols)
+    light.ravel()[hits.pixel] = hits.sunlight_per_sr
+    piece.ravel()[hits.pixel] = hits.target.astype(np.int64) << 16 | hits.part
     is_edge = np.zeros((rows, cols), bool)
     for here, there in (
         (np.s_[1:, :], np.s_[:-1, :]),

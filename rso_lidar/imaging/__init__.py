@@ -6,7 +6,7 @@ from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
     from rso_lidar.imaging.camera import AutoExposure, Band, Camera, CameraLens
-    from rso_lidar.imaging.exposure import Flash, Surroundings, take_image
+    from rso_lidar.imaging.exposure import Flash, NaturalLight, take_image
     from rso_lidar.imaging.image_sensor import ImageSensor
     from rso_lidar.imaging.stars import StarCatalogue, load_stars
 else:
@@ -19,8 +19,8 @@ __all__ = [
     "CameraLens",
     "Flash",
     "ImageSensor",
+    "NaturalLight",
     "StarCatalogue",
-    "Surroundings",
     "load_stars",
     "take_image",
 ]

@@ -167,10 +167,15 @@ class Camera(Part):
         """Rows, columns and bands of an image."""
         return *self.lens.shape, len(self.bands)
 
-    @property
-    def window_s(self) -> float:
-        """Time from the first row's begin to the last row's end with a constant exposure [s]."""
-        return self.exposure_ms * units.MS + self.rows_s
+    def describe(self) -> str:
+        """Describe the camera in a line."""
+        lens = self.lens
+        bands = ", ".join(f"{band.name} {band.wavelength_nm:g} nm" for band in self.bands)
+        exposure = "auto exposure" if self.auto_exposure is not None else f"{self.exposure_ms:g} ms"
+        return (
+            f"{self.name}, on the {self.carrier}: {lens.n_rows} x {lens.n_cols} pixels, {lens.fov_rad / units.DEG:.3g}° "
+            f"across, {lens.ifov_rad / units.MRAD:.3g} mrad a pixel, {bands}, {exposure}"
+        )
 
     @property
     def rows_s(self) -> float:

@@ -29,11 +29,11 @@ _ASSUMED_ALBEDO = 0.30  # of the Earth's image where the world gives none: the B
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class NaturalLight:
     """Light about a camera.
 
-    `earth_albedo` is None where the Earth lights no target. `moon_m` is the position of the Moon (xyz) in root axes [m], None
-    without one. `has_earth` tells whether the root is the centre of the Earth.
+    `earth_albedo` is None where the Earth lights no target. `moon_m` is the position of the Moon (xyz) in root axes [m],
+    None without one. `has_earth` tells whether the root is the centre of the Earth.
     """
 
     earth_albedo: float | None
@@ -61,7 +61,7 @@ def take_image(
     camera: Camera,
     truth: Truth,
     surfaces: Sequence[Sequence[Surface]],
-    surroundings: Surroundings,
+    natural: NaturalLight,
     flash: Flash | None,
     rng: np.random.Generator,
     pattern_seed: int,
@@ -74,7 +74,7 @@ def take_image(
     camera : the camera, whose axes are in the truth under its name
     truth : poses of all bodies at the flash
     surfaces : for each band, the surfaces of all targets at its wavelength
-    surroundings : Earth and Moon
+    natural : Earth and Moon
     flash : the lidar's light; None for none
     rng : source of the noise of this image
     pattern_seed : random seed of what differs from pixel to pixel, the same for all images of a run
@@ -89,14 +89,12 @@ def take_image(
     per_m2_s = np.array([_sun_electrons_per_m2_s(band) for band in camera.bands])
     light: _Light | None = None
     if camera.auto_exposure is not None:
-        light = _gather_light(camera, view.extrapolate(start_s), surfaces, surroundings, threads)
+        light = _gather_light(camera, view.extrapolate(start_s), surfaces, natural, threads)
         exposure_s = _choose_exposure_s(camera, camera.auto_exposure, light.image_m2 * per_m2_s)
     window_s = exposure_s + camera.rows_s
     instants = _count_instants(camera, view, surfaces[0], window_s)
     if instants > 1 or light is None:
-        light, image_m2 = _expose(
-            camera, view, surfaces, surroundings, threads, start_s, window_s, exposure_s, instants
-        )
+        light, image_m2 = _expose(camera, view, surfaces, natural, threads, start_s, window_s, exposure_s, instants)
     else:
         image_m2 = light.image_m2
     electrons = image_m2 * (per_m2_s * exposure_s)
@@ -104,7 +102,7 @@ def take_image(
         electrons = electrons + _gather_flash(camera, truth, view, flash, light.hits, start_s, exposure_s, threads)
     response, dark = draw_pattern(camera.sensor, camera.shape, pattern_seed)
     expected = electrons * response + camera.sensor.dark_electrons_per_s * exposure_s * dark
-    image = CameraImage(counts=camera.sensor.read(expected, rng), exposure_s=np.float64(exposure_s))
+    image = CameraImage(counts=camera.sensor.read(expected, rng), exposure_s=np.asarray(exposure_s))
     return image, _label(light.hits, electrons)
 
 
@@ -112,7 +110,7 @@ def _expose(
     camera: Camera,
     view: Truth,
     surfaces: Sequence[Sequence[Surface]],
-    surroundings: Surroundings,
+    natural: NaturalLight,
     threads: int | None,
     start_s: float,
     window_s: float,
@@ -135,7 +133,7 @@ def _expose(
     middle: _Light | None = None
     for k in range(instants):
         at_s = start_s + (k + 0.5) * window_s / instants
-        light = _gather_light(camera, view.extrapolate(at_s), surfaces, surroundings, threads)
+        light = _gather_light(camera, view.extrapolate(at_s), surfaces, natural, threads)
         total += share[:, k, None, None] * light.image_m2
         if k == instants // 2:
             middle = light
@@ -148,8 +146,9 @@ def _share_instants(camera: Camera, window_s: float, exposure_s: float, instants
     begin = np.arange(camera.lens.n_rows)[:, None] * (camera.row_delay_us * units.US)
     edge = np.linspace(0.0, window_s, instants + 1)
     overlap = np.minimum(begin + exposure_s, edge[1:]) - np.maximum(begin, edge[:-1])
-    share: np.ndarray = np.maximum(overlap, 0.0)
-    return share / share.sum(axis=1, keepdims=True)
+    overlap = np.maximum(overlap, 0.0)
+    share: np.ndarray = overlap / overlap.sum(axis=1, keepdims=True)
+    return share
 
 
 def _count_instants(camera: Camera, view: Truth, surfaces: Sequence[Surface], window_s: float) -> int:
@@ -169,14 +168,14 @@ def _gather_light(
     camera: Camera,
     view: Truth,
     surfaces: Sequence[Sequence[Surface]],
-    surroundings: Surroundings,
+    natural: NaturalLight,
     threads: int | None,
 ) -> _Light:
     """Gather the light of targets and sky at one instant."""
     lens, image = camera.lens, np.empty(camera.shape)
     first = sampling.cast_image(lens, lens.even_light, surfaces[0], view, threads)
-    sky = _image_bodies(camera, view, surroundings)
-    stars = _find_stars(camera, view, surfaces[0], surroundings)
+    sky = _image_bodies(camera, view, natural)
+    stars = _find_stars(camera, view, surfaces[0], natural)
     free = np.clip(1.0 - _sum_pixels(first, first.weight), 0.0, 1.0)
     behind = np.flatnonzero(sky * free)
     for number, (band, of_band) in enumerate(zip(camera.bands, surfaces, strict=True)):
@@ -185,8 +184,8 @@ def _gather_light(
             hits = scene.cast(first.rays, of_band, view, threads, sun=True, aperture_m=lens.aperture_m)
         if camera.has_penumbra:
             hits = scene.soften_shadows(hits, of_band, view, lens.pixel_tangent, threads)
-        if surroundings.earth_albedo is not None and surroundings.has_earth:
-            hits = scene.add_earthshine(hits, of_band, view, surroundings.earth_albedo, threads)
+        if natural.earth_albedo is not None and natural.has_earth:
+            hits = scene.add_earthshine(hits, of_band, view, natural.earth_albedo, threads)
         plane = optics.image_sunlight(hits, lens, band.wavelength_m)
         if len(behind):
             seen = (sky * free).ravel()[behind]
@@ -198,25 +197,23 @@ def _gather_light(
         if stars is not None:
             plane = plane + spread_stars(stars, lens, band.wavelength_m)
         if lens.glare is not None:
-            plane = plane + _image_veil(camera, view, of_band, surroundings)
+            plane = plane + _image_veil(camera, view, of_band, natural)
         image[..., number] = plane
     return _Light(image, first)
 
 
-def _image_bodies(camera: Camera, view: Truth, surroundings: Surroundings) -> np.ndarray:
+def _image_bodies(camera: Camera, view: Truth, natural: NaturalLight) -> np.ndarray:
     """Return the image of Sun, Earth and Moon (row, col) [m²], before the lens spreads it and without targets."""
     sources = tuple(name for name in optics.STRAY_BODIES if name in camera.sky)
-    albedo = _ASSUMED_ALBEDO if surroundings.earth_albedo is None else surroundings.earth_albedo
-    has_earth = surroundings.has_earth
-    return optics.image_sky(camera.lens, view, surroundings.moon_m, albedo, sources=sources, has_earth=has_earth)
+    albedo = _ASSUMED_ALBEDO if natural.earth_albedo is None else natural.earth_albedo
+    has_earth = natural.has_earth
+    return optics.image_sky(camera.lens, view, natural.moon_m, albedo, sources=sources, has_earth=has_earth)
 
 
-def _image_veil(
-    camera: Camera, view: Truth, surfaces: Sequence[Surface], surroundings: Surroundings
-) -> np.ndarray:
+def _image_veil(camera: Camera, view: Truth, surfaces: Sequence[Surface], natural: NaturalLight) -> np.ndarray:
     """Return the light of Sun, Earth and Moon that the lens scatters over the image (row, col) [m²]."""
     lens = camera.lens
-    sky = optics.see_sky(lens.even_light, lens, view, surroundings.moon_m, has_earth=surroundings.has_earth)
+    sky = optics.see_sky(lens.even_light, lens, view, natural.moon_m, has_earth=natural.has_earth)
     assert sky is not None
     hidden = scene.find_hidden(sky.direction, surfaces, view)
     per_m2 = optics.sun_photons_per_s_m2(lens.even_light.wavelength_m, lens.filter_width_nm * units.NM)
@@ -224,15 +221,15 @@ def _image_veil(
 
 
 def _find_stars(
-    camera: Camera, view: Truth, surfaces: Sequence[Surface], surroundings: Surroundings
+    camera: Camera, view: Truth, surfaces: Sequence[Surface], natural: NaturalLight
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
     """Find the stars that the camera sees; None without stars."""
-    if "stars" not in camera.sky or not surroundings.has_earth:
+    if "stars" not in camera.sky or not natural.has_earth:
         return None
     to_root, turn = view.poses.place("lidar", ROOT)
     bodies = [(np.asarray(to_root), units.EARTH_RADIUS_M)]
-    if surroundings.moon_m is not None:
-        bodies.append((to_root + turn @ surroundings.moon_m, units.MOON_RADIUS_M))
+    if natural.moon_m is not None:
+        bodies.append((to_root + turn @ natural.moon_m, units.MOON_RADIUS_M))
     return image_stars(camera.lens, view, surfaces, bodies)
 
 

@@ -54,7 +54,8 @@ class StarCatalogue:
             return ratio
 
         over_sun: np.ndarray = 10.0 ** (-0.4 * (self.magnitude - _SUN_MAGNITUDE))
-        return over_sun * colour(self.temperature_k) / colour(_SUN_TEMPERATURE_K)
+        over_sun *= colour(self.temperature_k) / colour(_SUN_TEMPERATURE_K)
+        return over_sun
 
 
 @lru_cache(maxsize=1)

@@ -68,4 +68,6 @@ def sun_photons_per_s_m2(wavelength_m: float, width_m: float) -> float:
     steps = max(1, math.ceil(width_m / _WIDEST_STEP_M - 1e-9))
     step_m = width_m / steps
     middles = [wavelength_m + (k + 0.5 - 0.5 * steps) * step_m for k in range(steps)]
-    return sum(sun_irradiance_w_m2_um(at) * (step_m / units.UM) / units.photon_energy_j(at) for at in middles if at > 0.0)
+    return sum(
+        sun_irradiance_w_m2_um(at) * (step_m / units.UM) / units.photon_energy_j(at) for at in middles if at > 0.0
+    )

@@ -121,14 +121,12 @@ def take_images(
     Image and labels of each camera, by name.
     """
     flash = imaging.Flash(laser, pulses, scenario.surfaces)
-    surroundings = scenario.find_surroundings(truth.time_s)
+    natural = scenario.find_natural_light(truth.time_s)
     images = {}
     for number, camera in enumerate(scenario.cameras):
         surfaces = scenario.camera_surfaces[camera.name]
         noise, pattern_seed = scenario.rng(index, _CAMERAS + number), scenario.seed_of(camera.name)
-        images[camera.name] = imaging.take_image(
-            camera, truth, surfaces, surroundings, flash, noise, pattern_seed, threads
-        )
+        images[camera.name] = imaging.take_image(camera, truth, surfaces, natural, flash, noise, pattern_seed, threads)
     return images
 
 

@@ -283,7 +283,10 @@ def _image_sky(bodies: SkyBodies, wanted: tuple[int, ...], receiver: Receiver) -
         if not len(pixel):
             continue
         per_side = int(np.clip(math.ceil(_PER_RADIUS * receiver.ifov_rad / max(radius, 1e-12)), _FEWEST, _MOST))
-        per_side = _EARTH_POINTS if body == EARTH and per_side == _FEWEST else per_side
+        if body == EARTH and per_side == _FEWEST:  # off its limb the radiance hardly changes within a pixel
+            is_inside = apart[pixel] < radius - 2.0 * reach
+            inner, pixel, per_side = pixel[is_inside], pixel[~is_inside], _EARTH_POINTS
+            image[inner] += _gather(bodies, body, inner, 1, receiver)
         image[pixel] += _gather(bodies, body, pixel, per_side, receiver)
     return image.reshape(receiver.shape)
 
@@ -303,7 +306,11 @@ def _gather(bodies: SkyBodies, body: int, pixel: np.ndarray, per_side: int, rece
         cosine = 1.0 / np.sqrt(1.0 + x * x + y * y)
         direction = np.stack([x * cosine, y * cosine, cosine], axis=-1)
         area = 1.0 if receiver.distortion is None else receiver.distortion.area_at_direction(x, y)
-        total += bodies.radiance(direction, (body,), receiver.pixel_tangent / per_side * cosine) * area * cosine**4
+        if body == EARTH and per_side == 1:  # nothing is before it
+            radiance = bodies.earth_light(direction)
+        else:
+            radiance = bodies.radiance(direction, (body,), receiver.pixel_tangent / per_side * cosine)
+        total += radiance * area * cosine**4
     scale = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
     gathered: np.ndarray = total * (scale / per_side**2)
     return gathered

@@ -96,7 +96,7 @@ class SkyBodies:
                 # Of a cell on the edge, the middle of the part on the disk: the limb is darker than what is inside it.
                 over = np.maximum(apart - (radius - 0.5 * cover * cell_rad), 0.0)
                 at = _move_toward(direction, place, over) if np.any(over) else direction
-                light = (self._sun_radiance, self._earth_radiance, self._moon_radiance)[body](at)
+                light = (self._sun_radiance, self.earth_light, self._moon_radiance)[body](at)
             radiance_per_sr = radiance_per_sr * (1.0 - cover) + cover * light
         return radiance_per_sr
 
@@ -116,8 +116,8 @@ class SkyBodies:
         level = self.moon_irradiance / max(_solid_angle(self.moon_radius_rad) * share, 1e-300)
         return np.where(is_lit, level, 0.0)
 
-    def _earth_radiance(self, direction: np.ndarray) -> np.ndarray:
-        """Return the radiance (…) of the Earth: albedo / π times the cosine of the Sun's incidence."""
+    def earth_light(self, direction: np.ndarray) -> np.ndarray:
+        """Return the radiance (…) of the Earth over the Sun's irradiance [1/sr], in directions that meet it."""
         assert self.earth is not None
         assert self.sun is not None
         return earth_radiance(direction, self.earth, self.sun, self.earth_albedo)

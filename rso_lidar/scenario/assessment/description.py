@@ -46,6 +46,7 @@ def describe(mission: Mission) -> str:
     lines += _describe_plans(mission)
     lines += describe_environment(mission, preview)
     lines += _describe_instrument(mission, preview)
+    lines += [f"camera      {camera.describe()}" for camera in mission.camera]
     lines += describe_sensors(mission)
     chances = {}
     for number, geometry in enumerate(preview.targets):

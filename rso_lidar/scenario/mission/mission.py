@@ -13,7 +13,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from rso_lidar.errors import ScenarioError, add_place, suppress_warnings
 from rso_lidar.files import convert_path
-from rso_lidar.imaging import Camera, Surroundings
+from rso_lidar.imaging import Camera, NaturalLight
 from rso_lidar.motion import Body, Ptu, find_moon_m, sort_bodies
 from rso_lidar.optics import read_files
 from rso_lidar.orbit import Epochs
@@ -36,7 +36,15 @@ from rso_lidar.scene import Surface
 from rso_lidar.sensors import AnySensor
 from rso_lidar.shipped import find
 
-_WITHOUT_NOISE = ("bodies", "pan_tilt", "surfaces", "instrument", "exposure", "cameras", "camera_surfaces")  # cached, and the same for every seed
+_WITHOUT_NOISE = (
+    "bodies",
+    "pan_tilt",
+    "surfaces",
+    "instrument",
+    "exposure",
+    "cameras",
+    "camera_surfaces",
+)  # cached, and the same for every seed
 
 
 class Mission(Part):
@@ -422,14 +430,14 @@ class Mission(Part):
         position_m: np.ndarray = find_moon_m(self.bodies, Epochs(self.time.start_utc, np.array([time_s])))[0]
         return position_m
 
-    def find_surroundings(self, time_s: float) -> Surroundings:
+    def find_natural_light(self, time_s: float) -> NaturalLight:
         """Find what lights the images of cameras beside the Sun.
 
         Parameters
         ----------
         time_s : time [s since start_utc]
         """
-        return Surroundings(self.world.earth_albedo, self._find_moon_m(time_s), has_earth=not self.is_local)
+        return NaturalLight(self.world.earth_albedo, self._find_moon_m(time_s), has_earth=not self.is_local)
 
     def rng(self, frame: int, stage: int = 0) -> np.random.Generator:
         """Return the generator of one frame's noise: it depends on seed, frame and stage only.

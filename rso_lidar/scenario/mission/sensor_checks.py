@@ -1,4 +1,4 @@
-"""Checks of the other sensors, of the cameras and of the PTU of a mission against its bodies, and of sensors against each other."""
+"""Checks of the other sensors, the cameras and the PTU of a mission: against its bodies, and against each other."""
 
 from __future__ import annotations
 
@@ -50,7 +50,9 @@ def check_cameras(cameras: Sequence[Camera], bodies: Sequence[Body], *, has_ptu:
     ValueError
         If two axes have one name, or a camera is on a PTU that the scenario does not have.
     """
-    taken = ["inertial", "lidar", "ptu"] + [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]
+    taken = ["inertial", "lidar", "ptu"] + [
+        name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))
+    ]
     for number, camera in enumerate(cameras):
         if camera.name in taken:
             raise ValueError(f"camera[{number}].name: '{camera.name}' are other axes already; rename the camera")

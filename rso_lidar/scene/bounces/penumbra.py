@@ -65,9 +65,7 @@ def _farthest_shade_m(surfaces: Sequence[Surface], truth: Truth) -> float:
         origin, turn = truth.poses.place("lidar", surface.name)
         centre, radius = surface.sphere
         centres.append((origin + rotate_vectors(turn, centre), radius))
-    return max(
-        float(np.linalg.norm(a - b)) + radius_a + radius_b for a, radius_a in centres for b, radius_b in centres
-    )
+    return max(float(np.linalg.norm(a - b)) + radius_a + radius_b for a, radius_a in centres for b, radius_b in centres)
 
 
 def _face_sun(
