@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks import (
+    cameras,
     dataset,
     footprint,
     growth,
@@ -32,6 +33,7 @@ PARTS = (
     "peers",
     "dataset",
     "labelled",
+    "cameras",
     "workers",
     "startup",
     "loop",
@@ -67,6 +69,7 @@ def main() -> None:
         "peers": lambda: peers.run(quick=chosen.quick),
         "dataset": lambda: dataset.run(quick=chosen.quick),
         "labelled": lambda: labelled.run(quick=chosen.quick),
+        "cameras": lambda: cameras.run(quick=chosen.quick),
         "workers": lambda: workers.run(quick=chosen.quick),
         "startup": lambda: startup.run(quick=chosen.quick),
         "loop": lambda: loop.run(quick=chosen.quick),
