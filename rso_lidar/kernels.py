@@ -27,6 +27,7 @@ from typing import Any, ClassVar, TypeVar, cast
 import numpy as np
 
 from rso_lidar.errors import warn
+from rso_lidar.user_settings import get_setting
 
 _LONGEST_WAIT_S = 120.0  # a kernel takes at most some 3 s of one core, and a loaded machine may give a tenth of one
 
@@ -170,8 +171,8 @@ class _Store:
 
         if _config().DISABLE_JIT:
             return None
-        if _config().CACHE_DIR:
-            return Path(_config().CACHE_DIR) / "rso_lidar"
+        if folder := _config().CACHE_DIR or get_setting("machine_code_folder"):
+            return Path(folder) / "rso_lidar"
         for folder in (Path(__file__).parent / "__pycache__", user_cache_path("rso_lidar")):
             with suppress(OSError):
                 (folder / "kernels").mkdir(parents=True, exist_ok=True)
