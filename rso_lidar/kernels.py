@@ -130,12 +130,13 @@ def has_machine_code(loop: Callable[..., Any]) -> bool | None:
 
 
 @contextmanager
-def watch_compiling(tell: Callable[[int, int], None]) -> Iterator[None]:
+def watch_compiling(tell: Callable[[int], None]) -> Iterator[None]:
     """Call `tell` inside this context when a kernel is compiled for the first time.
 
     Parameters
     ----------
-    tell : called with the number of kernels compiled so far, this one included, and that of all kernels loaded by then
+    tell : called with the number of kernels compiled so far, this one included. How many will be is not known: machine code
+        of others is on disk, or never needed
     """
     from numba.core import event
 
@@ -146,7 +147,7 @@ def watch_compiling(tell: Callable[[int, int], None]) -> Iterator[None]:
             function = event.data["dispatcher"].py_func
             if function not in compiled and any(kernel.function is function for kernel in Kernel.all):
                 compiled.add(function)
-                tell(len(compiled), len(Kernel.all))
+                tell(len(compiled))
 
         def on_end(self, event: Any) -> None:
             pass
