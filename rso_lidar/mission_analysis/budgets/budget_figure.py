@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _COLOURS = (palette.BLUE, palette.ORANGE, palette.GREEN, palette.PINK, palette.RED, palette.SKY)
 _STYLES = ("-", (0, (5, 2)))
+_OVER = (0, (4, 4))  # over a curve that it covers, whose colour shows in the gaps
+_SAME = 0.01  # a curve within this share of another is drawn on it
 _LOWEST_PHOTONS = 1.0
 
 
@@ -45,7 +47,7 @@ def budget_figure(
     for number, (name, curve) in enumerate(zip(names, curves, strict=True)):
         look = {
             "color": _COLOURS[number % len(_COLOURS)],
-            "ls": _STYLES[number // len(_COLOURS) % 2],
+            "ls": _OVER if _coincides(curve, curves[:number]) else _STYLES[number // len(_COLOURS) % 2],
             "lw": figures.LINE_PT,
         }
         ends = _ARMED if curve.armed_limits else _FILLED if curve.fill_limits else ""
@@ -104,6 +106,14 @@ def budget_figure(
     figure.align_ylabels()
     _draw_legend(figure, light, probability, len(small_print))
     return figure
+
+
+def _coincides(curve: BudgetCurve, earlier: Sequence[BudgetCurve]) -> bool:
+    """Return whether the photons of a curve are those of one that is drawn before it."""
+    return any(
+        np.array_equal(curve.range_m, other.range_m) and np.allclose(curve.photons, other.photons, rtol=_SAME, atol=0.0)
+        for other in earlier
+    )
 
 
 def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -> None:

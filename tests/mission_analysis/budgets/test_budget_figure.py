@@ -55,6 +55,12 @@ def test_curves_marks_and_names():
     assert names == ["near: 700 m", "far: 5 km (end of the armed window)"]
 
 
+def test_a_curve_on_another_is_dashed_so_that_both_are_seen():
+    figure = budget_figure([line(700.0), line(700.0), line(700.0, photons=7.0)], ["a", "b", "c"], "Budget", "", 0.9)
+    styles = [entry.get_linestyle() for entry in figure.axes[0].get_lines() if not entry.get_label().startswith("_")]
+    assert styles == ["-", "--", "-"]
+
+
 def test_a_curve_that_is_never_seen_is_drawn_without_a_mark():
     figure = budget_figure([line(float("nan"), photons=0.0), line(9000.0)], ["dark", "outside"], "Budget", "", 0.5)
     assert drawn(figure)[1] == [0] * 6
