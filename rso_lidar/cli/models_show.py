@@ -84,9 +84,9 @@ def _tabulate_parts(card: ModelCard, width: int) -> Table:
     width : columns of characters
     """
     rows = [_list_cells(part, "{:.3f} to {:.3f}") for part in card.parts]
-    heads = ("part", "material", "x, m", "y, m", "z, m")
+    heads = ["part", "material", "x, m", "y, m", "z, m"]
     if sum(max(map(len, column)) + _GAP for column in zip(heads, *rows, strict=True)) > width:
-        heads = ("part / material", "x, m", "y, m", "z, m")
+        heads = ["part / material", "x, m", "y, m", "z, m"]
         rows = []
         for part in card.parts:
             name, material, *spans = _list_cells(part, "{:.2f} {:.2f}")

@@ -148,11 +148,12 @@ def describe_buried_rows(arcs: Sequence[EphemerisArc]) -> str:
     if not count:
         return ""
     arc, rows = next((arc, rows) for arc, rows in zip(arcs, where, strict=True) if len(rows))
-    first = int(rows[0])
+    first, time_s = int(rows[0]), float(arc.time_s[rows[0]])
+    at = f"time_s = {time_s:g}" if arc.start_utc is None else format_utc(arc.start_utc, time_s)
     radius_km = float(length(arc.position_m[first : first + 1])[0]) / units.KM
     return (
         f"{count:,} of {sum(len(arc.time_s) for arc in arcs):,} rows are inside the Earth, first at "
-        f"{format_utc(arc.start_utc, float(arc.time_s[first]))}, {radius_km:,.0f} km from its centre; correct them"
+        f"{at}, {radius_km:,.0f} km from its centre; correct them"
     )
 
 

@@ -483,6 +483,9 @@ def test_rows_inside_the_earth_are_warned_of(tmp_path):
     says = r"3 of 5 rows are inside the Earth, first at 2024-09-17T12:02:00.*, 6,355 km from its centre; correct them"
     with pytest.warns(RsoLidarWarning, match=says):
         Ephemeris(file=path).states(Epochs(START, np.zeros(1)))
+    table = "time_s,x_km,y_km,z_km\n" + "".join(f"{60 * k},{6357 - k},0,0\n" for k in range(9))
+    with pytest.warns(RsoLidarWarning, match="7 of 9 rows are inside the Earth, first at time_s = 120, 6,355 km"):
+        Ephemeris(file=saved(tmp_path, table, "some.csv")).states(Epochs(START, np.zeros(1)))
 
 
 @pytest.mark.parametrize("axes", ["mod", "tod", "teme"])
