@@ -817,11 +817,21 @@ def operations() -> Any:
         figures.style_axes(
             axes, name, x=f"{'Along-track' if plane == 'rt' else 'Across'} [{letters}]", y=f"Radial [{letters}]"
         )
-        axes.text(
-            0.03, 0.05, f"{cost}; safe {safety.distance_m:.0f} m", transform=axes.transAxes, fontsize=figures.SMALL_PT,
-            color=palette.QUIET, bbox={"facecolor": palette.PAPER, "edgecolor": "none", "pad": 1.0},
-        )  # fmt: skip
+        _write_in_corner(axes, f"{cost}\nsafe {safety.distance_m:.0f} m")
     return figure
+
+
+def _write_in_corner(axes: Any, text: str) -> None:
+    """Write two short lines in the corner of a plot that its curves leave most free."""
+    lines = [axes.transAxes.inverted().transform(axes.transData.transform(line.get_xydata())) for line in axes.lines]
+    points = np.vstack(lines)
+    corners = [(right, top) for top in (0.0, 1.0) for right in (0.0, 1.0)]
+    counts = [np.sum(np.all(np.abs(points - corner) < (0.38, 0.3), axis=1)) for corner in corners]
+    right, top = corners[int(np.argmin(counts))]
+    axes.text(
+        0.03 + 0.94 * right, 0.05 + 0.9 * top, text, transform=axes.transAxes, fontsize=figures.SMALL_PT,
+        color=palette.QUIET, ha="right" if right else "left", va="top" if top else "bottom",
+    )  # fmt: skip
 
 
 def _adrift(plan: rl.rpo.Plan, failure_s: float) -> np.ndarray:
@@ -1631,6 +1641,7 @@ def axes_chain() -> Any:
     figure = figures.new_figure(
         figures.PAGE_IN, 4.3, "From the orbit to the pixel", "axes by name; drawings are not to scale"
     )
+    figure.get_layout_engine().set(w_pad=0.12)
     rtn, ptu, lidar = figure.subplots(1, 3)
 
     _plain(rtn, "rtn of the target, seen from orbit north", (-1.75, 1.45), (-1.5, 1.7))

@@ -27,6 +27,7 @@ from typing import Any, ClassVar, TypeVar, cast
 import numpy as np
 
 from rso_lidar.errors import warn
+from rso_lidar.user_settings import get_setting
 
 _LONGEST_WAIT_S = 120.0  # a kernel takes at most some 3 s of one core, and a loaded machine may give a tenth of one
 
@@ -129,12 +130,13 @@ def has_machine_code(loop: Callable[..., Any]) -> bool | None:
 
 
 @contextmanager
-def watch_compiling(tell: Callable[[int, int], None]) -> Iterator[None]:
+def watch_compiling(tell: Callable[[int], None]) -> Iterator[None]:
     """Call `tell` inside this context when a kernel is compiled for the first time.
 
     Parameters
     ----------
-    tell : called with the number of kernels compiled so far, this one included, and that of all kernels loaded by then
+    tell : called with the number of kernels compiled so far, this one included. How many will be is not known: machine code
+        of others is on disk, or never needed
     """
     from numba.core import event
 
@@ -145,7 +147,7 @@ def watch_compiling(tell: Callable[[int, int], None]) -> Iterator[None]:
             function = event.data["dispatcher"].py_func
             if function not in compiled and any(kernel.function is function for kernel in Kernel.all):
                 compiled.add(function)
-                tell(len(compiled), len(Kernel.all))
+                tell(len(compiled))
 
         def on_end(self, event: Any) -> None:
             pass
@@ -170,8 +172,8 @@ class _Store:
 
         if _config().DISABLE_JIT:
             return None
-        if _config().CACHE_DIR:
-            return Path(_config().CACHE_DIR) / "rso_lidar"
+        if folder := _config().CACHE_DIR or get_setting("machine_code_folder"):
+            return Path(folder) / "rso_lidar"
         for folder in (Path(__file__).parent / "__pycache__", user_cache_path("rso_lidar")):
             with suppress(OSError):
                 (folder / "kernels").mkdir(parents=True, exist_ok=True)

@@ -96,8 +96,9 @@ def shared() -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def no_library(tmp_path_factory):
-    """Let no test see the models that whoever runs it keeps in a library of their own."""
+    """Let no test see the models that whoever runs it keeps in a library of their own, nor their settings."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RSO_LIDAR_CONFIG", str(tmp_path_factory.mktemp("settings") / "none"))
         patch.setenv("RSO_LIDAR_MODELS", str(tmp_path_factory.mktemp("library") / "none"))
         yield
 

@@ -10,6 +10,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from rso_lidar.user_settings import read_settings
+
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
 usage_error: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 
@@ -21,6 +23,7 @@ SECTIONS = {
         "check": "Check a scenario and print a summary.",
         "run": "Simulate a scenario; record its frames with truth and labels.",
         "plot": "Draw frames of a recording, their trajectory or curves.",
+        "config": "Show and set your own settings, and whose code you trust.",
     },
     "Plan a mission": {
         "budget": "Compute photons, detection and precision against range.",
@@ -57,7 +60,7 @@ SECTIONS = {
     },
 }
 COMMANDS = {name: sentence for section in SECTIONS.values() for name, sentence in section.items()}
-GROUPS = ("camera", "dataset", "models")
+GROUPS = ("camera", "config", "dataset", "models")
 
 
 class _Commands(TyperGroup):
@@ -139,8 +142,11 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def root(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", help="Print the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
     """Fly a flash LiDAR past a satellite before you build one."""
+    if context.invoked_subcommand != "config":
+        read_settings()  # a file that cannot be read is an error before any work

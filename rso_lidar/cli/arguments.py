@@ -15,6 +15,7 @@ from rso_lidar.errors import RecordingError, RsoLidarError, ScenarioError, did_y
 from rso_lidar.picture import DARK, LIGHT, Scheme
 from rso_lidar.processes import LOCAL
 from rso_lidar.scenario import Constraints, Lidar, Scenario, load_presets, parse_frames, validate_toml
+from rso_lidar.user_settings import get_setting
 
 ScenarioFile = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, .nc, or .zarr).")]
@@ -88,7 +89,7 @@ def choose_scheme(dark: bool, outputs: Iterable[Path | None] | None = None) -> S
     """
     if dark and outputs is not None and not any(place and place.suffix.lower() not in _TABLES for place in outputs):
         raise ScenarioError("--dark: is for pictures; end the output with .png, or leave --dark out")
-    return DARK if dark else LIGHT
+    return DARK if dark or get_setting("dark_pictures") else LIGHT
 
 
 @contextmanager

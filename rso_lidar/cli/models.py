@@ -3,12 +3,11 @@
 from typing import get_args
 
 import typer
-from rich.table import Table
 
 from rso_lidar.cli import models_add, models_show
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.default_command import default_to
-from rso_lidar.cli.models_show import WIDE
+from rso_lidar.cli.table import print_descriptions
 from rso_lidar.mission_analysis import list_materials
 from rso_lidar.records import ObjectClass, SizeClass, Taxonomy
 from rso_lidar.scene import models as catalogue
@@ -27,20 +26,18 @@ def models(context: typer.Context) -> None:
 def print_models() -> None:
     """List the models that ship with rso_lidar, and those of your own library."""
     console = make_console()
-    broad = make_console(WIDE)
-    table = Table(box=None, header_style="bold", expand=broad.is_terminal)
-    for title in ("name", "class", "size class", "size, m", "facets", "parts"):
-        table.add_column(title, no_wrap=True)
-    table.add_column("what", ratio=1 if broad.is_terminal else None, no_wrap=True, overflow="ellipsis")
     own = own_models()
+    rows = []
     for key, entry in [*sorted(catalogue().items(), key=lambda item: _get_rank(item[1].taxonomy)), *own.items()]:
         size = " x ".join(f"{side:.3g}" for side in entry.size_m)
         of, what = entry.taxonomy, ("yours: " if entry.own else "") + entry.what
-        table.add_row(key, of.object_class, of.size_class, size, f"{entry.facets:,}", str(len(entry.parts)), what)
-    broad.print(table)
+        rows.append([key, of.object_class, of.size_class, size, f"{entry.facets:,}", str(len(entry.parts)), what])
+    heads = ["name", "class", "size class", "size, m", "facets", "parts", "what"]
+    order = ["name", "what", "size, m", "class", "facets", "parts", "size class"]
+    print_descriptions(heads, rows, order, ["what"], "`rso-lidar models NAME` shows all of one")
     console.print(
-        '\nIn a scenario: model = "tdrs". A path with a suffix or a slash reads a mesh of your own;\n'
-        "`rso-lidar models add PATH` keeps it, with scale and materials, in your own library;\n"
+        '\nIn a scenario: model = "tdrs". A path with a suffix or a slash reads your own mesh;\n'
+        "`rso-lidar models add PATH` keeps it, with scale and materials, in your library;\n"
         "`rso-lidar models materials` lists the materials.",
     )
     if own:
@@ -55,20 +52,19 @@ def _get_rank(taxonomy: Taxonomy) -> tuple[int, int]:
 
 def print_materials() -> None:
     """List the shipped materials: reflectance at both wavelengths, its quality, and a description."""
-    lines, table = list_materials(), Table(box=None, header_style="bold")
-    for title in ("name", "BRDF", *(f"{nm:g} nm" for nm in lines[0].reflectance)):
-        table.add_column(title, no_wrap=True)
-    console = make_console(WIDE)
-    fold = console.is_terminal
-    table.add_column("what", no_wrap=not fold, ratio=3 if fold else None)
-    table.add_column("confidence", no_wrap=not fold, ratio=2 if fold else None)
-    for line in lines:
-        shares = (f"{share:.3g}" for share in line.reflectance.values())
-        table.add_row(line.name, line.kind, *shares, line.what, line.confidence)
-    console.print(table)
+    lines = list_materials()
+    heads = ["name", "BRDF", *(f"{nm:g} nm" for nm in lines[0].reflectance), "what", "confidence"]
+    rows = [
+        [line.name, line.kind, *(f"{share:.3g}" for share in line.reflectance.values()), line.what, line.confidence]
+        for line in lines
+    ]
+    order = [heads[0], "what", *heads[2:-2], "BRDF", "confidence"]
+    print_descriptions(heads, rows, order, ["what", "confidence"], "a wider terminal, or `| cat`, shows them")
+    console = make_console()
     console.print(
-        '\nReflectance is of all directions together. In a scenario: material = "mli_gold", or\n'
-        'part_materials = { bus = "mli_gold_crinkled" }; docs/scenario.md tells how to give one of your own.',
+        '\nReflectance is of all directions together. In a scenario: material = "mli_gold",\n'
+        'or part_materials = { bus = "mli_gold_crinkled" }; docs/scenario.md tells how to\n'
+        "give one of your own.",
     )
 
 

@@ -1,7 +1,7 @@
 """`rso-lidar models show`: one model in words and as a picture."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -15,7 +15,8 @@ from rso_lidar.mission_analysis import ModelCard, make_model_card
 from rso_lidar.picture import FIGURE_SUFFIXES
 from rso_lidar.scene import models, own_models
 
-WIDE = 112  # columns that the tables need: no number is cut off
+_PIPE_WIDTH = 40  # columns of characters of the narrowest terminal that is served
+_GAP = 2  # spaces between columns
 
 
 def list_own_models() -> list[str]:
@@ -52,9 +53,10 @@ def show(
     for line in (card.what, *card.lines):
         console.print(line)
     console.print()
-    make_console(WIDE).print(_tabulate_light(card))
+    wide = make_console(_PIPE_WIDTH)  # files and pipes get whole lines
+    wide.print(_tabulate_light(card))
     console.print()
-    make_console(WIDE).print(_tabulate_parts(card))
+    wide.print(_tabulate_parts(card, wide.width))
     console.print("\nBody axes, from the centre of mass.")
     console.print(_describe_joint(name, card), soft_wrap=True)
     if drawn is not None:
@@ -74,23 +76,42 @@ def _describe_joint(name: str, card: ModelCard) -> str:
     return f'A hinge: joint = [{{ name = "{hinge.name}", angle = {{ type = "fixed", angle_deg = {angle_deg:g} }} }}]'
 
 
-def _tabulate_parts(card: ModelCard) -> Table:
-    """Return the parts of a model with material and bounds."""
-    table = Table(box=None, header_style="bold")
-    for title in ("part", "material", "x, m", "y, m", "z, m"):
-        table.add_column(title, no_wrap=True)
-    for part in card.parts:
-        spans = zip(part.low_m, part.high_m, strict=True)
-        table.add_row(part.name, part.material, *(f"{low:.3f} to {high:.3f}" for low, high in spans))
+def _tabulate_parts(card: ModelCard, width: int) -> Table:
+    """Return the parts of a model with material and bounds, in a narrow terminal to a centimetre, with less air.
+
+    Parameters
+    ----------
+    width : columns of characters
+    """
+    rows = [_list_cells(part, "{:.3f} to {:.3f}") for part in card.parts]
+    heads = ["part", "material", "x, m", "y, m", "z, m"]
+    if sum(max(map(len, column)) + _GAP for column in zip(heads, *rows, strict=True)) > width:
+        heads = ["part / material", "x, m", "y, m", "z, m"]
+        rows = []
+        for part in card.parts:
+            name, material, *spans = _list_cells(part, "{:.2f} {:.2f}")
+            rows.append([f"{name}\n  {material}", *spans])
+    table = Table(box=None, header_style="bold", padding=(0, _GAP, 0, 0), pad_edge=False)
+    for head in heads:
+        table.add_column(head, no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
     return table
 
 
+def _list_cells(part: Any, span: str) -> list[str]:
+    """Return name, material and the bounds along x, y and z of a part."""
+    spans = zip(part.low_m, part.high_m, strict=True)
+    return [part.name, part.material, *(span.format(low, high) for low, high in spans)]
+
+
 def _tabulate_light(card: ModelCard) -> Table:
-    """Tabulate the photons that each side returns, in total and in the brightest pixel."""
+    """Tabulate the photons that each side returns, in total and in the brightest pixel; heads fold, numbers do not."""
     heads, *rows = card.light_table()
-    table = Table(box=None, header_style="bold")
-    for column, head in enumerate(heads):
-        table.add_column(head, no_wrap=column == 0, justify="right" if column else "left")
+    table = Table(box=None, header_style="bold", padding=(0, _GAP, 0, 0), pad_edge=False)
+    for head, *cells in zip(heads, *rows, strict=True):
+        first = head == heads[0]
+        table.add_column(head, justify="left" if first else "right", min_width=max(map(len, cells)))
     for row in rows:
         table.add_row(*row)
     return table

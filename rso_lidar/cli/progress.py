@@ -51,12 +51,12 @@ def announce_compiling() -> AbstractContextManager[None]:
     """Print the progress of numba's compilation within this context; it takes longer than most commands."""
     last_s = time.monotonic()
 
-    def tell(count: int, most: int) -> None:
+    def tell(count: int) -> None:
         nonlocal last_s
         if count == 1:
             echo("compiling    once for each installation: some 15 s", err=True)
         elif time.monotonic() >= last_s + _LOG_EVERY_S:
-            echo(f"compiling    inner loop {count} of some {most}", err=True)
+            echo(f"compiling    inner loop {count}", err=True)
         else:
             return
         last_s = time.monotonic()

@@ -8,6 +8,7 @@ from rso_lidar.cli.terminal import echo
 from rso_lidar.files import align_columns
 
 _GAP = 2  # spaces between columns
+_LEAST_TEXT = 30  # columns of characters of a description, before other columns are left out
 _PIPE_WIDTH = 80  # columns of characters where there is no terminal
 
 
@@ -91,3 +92,41 @@ class PrintedTable:
                 chosen.append(k)
                 left -= needs[k]
         return sorted(chosen)
+
+
+def print_descriptions(
+    heads: Sequence[str], rows: Sequence[Sequence[str]], order: Sequence[str], folded: Collection[str], more: str
+) -> None:
+    """Print a table with columns of descriptions, which are folded to the width of a terminal; a pipe gets all columns.
+
+    Parameters
+    ----------
+    heads, rows : cells of text
+    order : heads by importance; where the terminal is narrow, the last ones are left out
+    folded : heads of descriptions
+    more : how to see the columns that are left out
+    """
+    from rich.table import Table
+
+    console = make_console()
+    if not console.is_terminal:
+        for line in align_columns([list(heads), *map(list, rows)], range(len(heads))):
+            echo(line.rstrip())
+        return
+    needs = {head: max(len(row[k]) for row in (heads, *rows)) + _GAP for k, head in enumerate(heads)}
+    needs |= {head: min(needs[head], _LEAST_TEXT + _GAP) for head in folded}
+    chosen, left = set(order[:1]), console.width + _GAP - needs[order[0]]
+    for head in order[1:]:
+        if needs[head] <= left:
+            chosen.add(head)
+            left -= needs[head]
+    shown = Table(box=None, header_style="bold", padding=(0, _GAP, 0, 0), pad_edge=False)
+    for head in heads:
+        if head in chosen:
+            shown.add_column(head, no_wrap=head not in folded, ratio=1 if head in folded else None)
+    for row in rows:
+        shown.add_row(*(cell for head, cell in zip(heads, row, strict=True) if head in chosen))
+    console.print(shown)
+    if len(chosen) < len(heads):
+        hidden = "; ".join(head for head in heads if head not in chosen)
+        console.print(f"too wide for this terminal: {hidden}; {more}")

@@ -21,11 +21,14 @@ from rso_lidar.export import FORMATS, read_status
 from rso_lidar.files import write_text
 from rso_lidar.studio.model.recording_list import RECORDINGS
 from rso_lidar.studio.model.root_folder import Folder
+from rso_lidar.user_settings import NO_FOLDERS, USER_SETTINGS
 
 _JOURNAL = ".rso_lidar_studio.json"  # jobs that are not done, for the next start of the studio
 _POLL_S, _LAST_BYTES, _MOST_JOBS, _MOST_JOURNAL_BYTES = 0.5, 4000, 100, 2**20
 _STILL_RUNNING = "still running, begun by an earlier studio"
 _STEPS = re.compile(r"^\w+ (\d+)/(\d+)(?:, ([\d.]+) \w+/s|$)")  # lines of progress of the command line
+# Whoever has the password of a studio may write a file into a folder that its user trusts.
+_NO_TRUST = {setting.variable: NO_FOLDERS for setting in USER_SETTINGS.values() if setting.kind == "folders"}
 _EXPORT_SUFFIXES = tuple(suffix for form in FORMATS.values() for suffix in form.suffixes)
 
 
@@ -241,6 +244,7 @@ class JobQueue:
                 job.process = subprocess.Popen(
                     job.request.command(), cwd=self.folder.path, stdin=subprocess.DEVNULL, stdout=log,
                     stderr=subprocess.STDOUT, start_new_session=True,
+                    env={**os.environ, **_NO_TRUST},
                 )  # fmt: skip
             first: tuple[float, int] | None = None
             while True:

@@ -233,6 +233,7 @@ def test_a_pipe_gets_a_table_of_80_columns_and_the_names_of_the_rest(named, caps
     assert max(map(len, lines[1 : 2 + len(rows)])) <= 80
     assert [head for head in heads if head in lines[1]] == [head for head in heads if head not in listed]
     assert lines[lines.index(hidden) + 1 :] == named.notes()
+    assert "light" in lines[1]
 
 
 @pytest.mark.slow

@@ -1,5 +1,7 @@
 """`rso-lidar models` and its commands: what they print, and one line with status 2 for what cannot be."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,17 @@ def test_a_mesh_is_added_listed_checked_shown_and_removed(rso_lidar, library, me
     assert rso_lidar("models", "remove", "mine")[0] == 0
     assert "mine" not in rso_lidar("models")[1]
     assert [file.name for file in library.iterdir()] == ["index.toml"]
+
+
+@pytest.mark.parametrize("words", [(), ("materials",), ("tdrs",)], ids=" ".join)
+@pytest.mark.parametrize("width", [80, 120])
+def test_tables_fit_the_terminal_and_cut_no_description(rso_lidar, library, monkeypatch, words, width):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # which rich takes for a terminal
+    monkeypatch.setenv("COLUMNS", str(width))
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", rso_lidar("models", *words)[1])
+    table = shown.partition("\nA hinge:")[0]  # a line to copy is not folded
+    assert max(len(line.rstrip()) for line in table.splitlines()) <= width
+    assert "\u2026" not in table
 
 
 def test_materials_are_listed_with_what_they_send_back(rso_lidar):

@@ -194,3 +194,9 @@ def test_a_run_that_goes_on_without_its_studio_is_not_begun_twice(
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_job_runs_code_that_a_file_names(kind: str) -> None:
     assert not any(word.startswith("--trust") for word in JobRequest(kind, "in.toml", "out.png").command())
+
+
+def test_no_job_trusts_the_folders_of_the_users_settings() -> None:
+    from rso_lidar.studio.job_queue import _NO_TRUST
+
+    assert _NO_TRUST == {"RSO_LIDAR_TRUST_CODE": "none", "RSO_LIDAR_TRUST_FMU": "none"}

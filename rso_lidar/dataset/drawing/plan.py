@@ -23,6 +23,7 @@ from rso_lidar.files import convert_path, expand_user
 from rso_lidar.part import parse_toml
 from rso_lidar.scenario import Scenario, apply_setting, read_toml
 from rso_lidar.shipped import find
+from rso_lidar.user_settings import is_trusted
 
 _DRAWING = 2  # version of the rules by which a specification becomes samples; a part of the hash of a dataset
 _CHUNK = 4096  # samples whose classes are computed at once in the search for the first one of a class
@@ -246,6 +247,7 @@ def make_plan(
     with add_place(spec.where):
         for setting in spec.set:
             apply_setting(tables, setting)
+    trust_code, trust_fmu = trust_code or is_trusted("trust_code", path), trust_fmu or is_trusted("trust_fmu", path)
     folder = files or path.parent
     plan = DatasetPlan(spec, tables, folder, path.name, (), {}, {}, {}, trust_code, trust_fmu)
     with add_place(spec.where):

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _COLOURS = (palette.BLUE, palette.ORANGE, palette.GREEN, palette.PINK, palette.RED, palette.SKY)
 _STYLES = ("-", (0, (5, 2)))
+_DASH = 5.0  # line widths, of a curve on others
+_SAME = 0.01  # a curve within this share of another is drawn on it
 _LOWEST_PHOTONS = 1.0
 
 
@@ -43,7 +45,7 @@ def budget_figure(
     figure = figures.new_figure(11.0, 11.0, title, note, tuple(small_print))
     (light, signal), (detection, alarms), (precision, pixels) = figure.subplots(3, 2, sharex=True)
     for number, (name, curve) in enumerate(zip(names, curves, strict=True)):
-        look = {
+        look: dict[str, Any] = {
             "color": _COLOURS[number % len(_COLOURS)],
             "ls": _STYLES[number // len(_COLOURS) % 2],
             "lw": figures.LINE_PT,
@@ -55,7 +57,7 @@ def budget_figure(
         if np.any(curve.saturated):
             broad = np.where(curve.saturated, curve.photons, np.nan)
             light.plot(curve.range_m, broad, color=look["color"], lw=_BROAD_PT, alpha=_FAINT, solid_capstyle="butt")
-        alarms.plot(curve.range_m, curve.false_alarm_probability / units.PPM, **look)
+        _draw_curve(alarms, curve.range_m, curve.false_alarm_probability / units.PPM, look, len(curves))
         for axes, values in (
             (light, curve.photons),
             (signal, np.where(np.isfinite(curve.snr), curve.snr, np.nan)),
@@ -63,10 +65,10 @@ def budget_figure(
             (precision, shown),
         ):
             if filled_to_m < curve.range_m[-1]:
-                axes.plot(curve.range_m, values, **look, alpha=_FAINT)
+                _draw_curve(axes, curve.range_m, values, look, len(curves), alpha=_FAINT)
             near = curve.range_m <= filled_to_m
-            axes.plot(curve.range_m, np.where(near, values, np.nan), **look)
-        pixels.plot(curve.range_m, curve.pixels_on_target, **look)
+            _draw_curve(axes, curve.range_m, np.where(near, values, np.nan), look, len(curves))
+        _draw_curve(pixels, curve.range_m, curve.pixels_on_target, look, len(curves))
         if curve.range_m[0] <= curve.max_range_m <= curve.range_m[-1]:
             at = np.log(curve.max_range_m)
             there = float(np.interp(at, np.log(curve.range_m), curve.detection_probability)) if ends else probability
@@ -104,6 +106,27 @@ def budget_figure(
     figure.align_ylabels()
     _draw_legend(figure, light, probability, len(small_print))
     return figure
+
+
+def _draw_curve(
+    axes: Axes, range_m: np.ndarray, values: np.ndarray, look: dict[str, Any], most: int, **more: Any
+) -> None:
+    """Draw a curve, in dashes of its own where it lies on others, so that the colours of all take turns.
+
+    Parameters
+    ----------
+    range_m, values : (point,)
+    look : colour, style and width
+    most : curves that the plot will have
+    """
+    covered = sum(
+        np.array_equal(line.get_xdata(), range_m)
+        and np.allclose(np.asarray(line.get_ydata(), dtype=float), values, rtol=_SAME, atol=0.0, equal_nan=True)
+        for line in axes.get_lines()
+    )
+    if covered:
+        look = look | {"ls": (_DASH * covered, (_DASH, _DASH * max(most - 1, 1)))}
+    axes.plot(range_m, values, **look, **more)
 
 
 def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -> None:

@@ -31,6 +31,7 @@ _TOKEN = re.compile(
 )
 _SLIVER_S = 1e-3  # spans shorter than this are rounding of edges
 _DEEPEST = 50  # parentheses and nots within each other
+_MOST_CONDITIONS = 200  # each is searched by itself: some 20 ms of work for an orbit
 
 
 @dataclass(frozen=True)
@@ -165,6 +166,12 @@ class _Parser:
             self._tokens.append((kind, match[kind], match.start(kind)))
             place = match.end()
         self._at = 0
+        joints = sum(text in ("and", "or") for kind, text, _ in self._tokens if kind == "word")
+        if joints >= _MOST_CONDITIONS:
+            raise ScenarioError(
+                f"when '{self._text:.60}': has {joints + 1:,} conditions; give at most {_MOST_CONDITIONS} in one "
+                "expression, and the rest in others"
+            )
 
     def parse(self) -> Expression:
         """Parse the whole text."""

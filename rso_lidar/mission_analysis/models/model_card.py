@@ -228,8 +228,17 @@ def _describe_model(target: Target, surface: Surface) -> list[str]:
     if not target.is_path:
         entry = model(target.shape)
         if entry.mass_kg is not None and entry.inertia_kg_m2 is not None:  # a user's own model has neither
-            inertia = ", ".join(f"{moment:,.4g}" for moment in np.linalg.eigvalsh(np.array(entry.inertia_kg_m2)))
-            lines.append(f"{entry.mass_kg:,.4g} kg, principal inertia {inertia} kg m² (estimated)")
+            inertia = ", ".join(_format_four(moment) for moment in np.linalg.eigvalsh(np.array(entry.inertia_kg_m2)))
+            lines.append(f"{_format_four(entry.mass_kg)} kg, principal inertia {inertia} kg m² (estimated)")
         if entry.hinges:
             lines.append("hinges: " + ", ".join(hinge.name for hinge in entry.hinges))
     return lines
+
+
+def _format_four(value: float) -> str:
+    """Format a number to four significant digits, without an exponent.
+
+    >>> [_format_four(value) for value in (13_328.6, 8211.0, 0.00123456)]
+    ['13,330', '8,211', '0.001235']
+    """
+    return f"{float(f'{value:.4g}'):,.12g}"

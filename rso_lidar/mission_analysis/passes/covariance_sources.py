@@ -183,7 +183,10 @@ class CovarianceSources:
             name = str(name).strip()
             if name.casefold() in {stated.casefold() for stated in self._stated}:
                 raise ScenarioError(f"covariances: '{name}' is given twice; give one source for each object")
+            before = {*self._named, *self._histories}
             self._add(name, source)
+            if not name:
+                _warn_of_others({*self._named, *self._histories} - before, source, entries)
         check_names("covariances", self._stated, entries)
 
     def find(self, entry: Any, age_days: float, epochs: Epochs, state: BodyState) -> tuple[np.ndarray, str]:
@@ -329,6 +332,18 @@ class CovarianceSources:
             known = self._histories.setdefault(entry.identity, [])
             if not any(entry.epoch_utc == other.epoch_utc for other in known):
                 known.append(entry)
+
+
+def _warn_of_others(added: set[Any], source: Any, entries: Sequence[Any]) -> None:
+    """Warn where no object of a search has a name or an identity that a source has just added."""
+    searched = {name for entry in entries for name in list_names(entry)}
+    if added and not added & searched:  # identities of sets that are searched were known before
+        names = ", ".join(sorted(str(key if isinstance(key, str) else key[1] or key[0]) for key in added)[:3])
+        what = Path(os.fspath(source)).name if isinstance(source, str | os.PathLike) else "a source"
+        warn_of_input(
+            f"covariances: {what} is of {names}, not in the search, and is not used; write NAME={what} with "
+            "the name or number of the object that it is for"
+        )
 
 
 def _check_orbit(history: CovarianceHistory, entry: Any, epochs: Epochs, state: BodyState) -> None:

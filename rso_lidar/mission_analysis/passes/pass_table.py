@@ -114,7 +114,7 @@ class Encounters:
             *([row.follower_label] if self.follower is None else []),
             row.label + minima,
             str(row.norad_id or "-"),
-            row.closest_utc,
+            f"{row.closest_utc[:19]}Z",  # CSV and JSON have the milliseconds
             f"{row.range_m / units.KM:,.3f}",
             f"{row.speed_m_s:,.1f}",
             ("" if row.entered and row.left else ">") + f"{row.inside_s:,.1f}",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar.errors import ScenarioError, add_place, did_you_mean, warn_of_input
+from rso_lidar.errors import PropagationError, ScenarioError, did_you_mean, warn_of_input
 from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage
 from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
@@ -149,8 +149,14 @@ def _read_ephemeris(
     start_utc, time_s = elapsed_from_ps(stamps)
     epochs = Epochs(start_utc, time_s)
     reference = Ephemeris(file=where, object=name, earth_orientation_file=orientation_file)
-    with add_place("covariance"):
+    try:
         states = reference.states(epochs)
+    except PropagationError as error:
+        first, last = reference.span_utc(start_utc)
+        raise ScenarioError(
+            f"{where}: line {lines[int(np.argmax(error.bad))]}: a covariance outside the states of {label}, which span "
+            f"{first} to {last}; correct its EPOCH, add states about it, or remove it"
+        ) from None
     if any(frame.axes == "itrs" for frame in frames) and orientation is None:
         cure = "name finals2000A.all of the IERS as earth_orientation_file"
         warn_without_orientation(f"{where}: a covariance", states.position_m, cure)

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import PropagationError, warn_of_input
-from rso_lidar.orbit.ccsds.ephemeris_arc import EphemerisArc, read_arcs
+from rso_lidar.orbit.ccsds.ephemeris_arc import EphemerisArc, describe_buried_rows, read_arcs
 from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE
 from rso_lidar.orbit.ccsds.interpolation_error import check_row_spacing
 from rso_lidar.orbit.ccsds.reader import find_table
@@ -143,8 +143,8 @@ class Ephemeris(Part):
 
     def _arcs(self) -> tuple[EphemerisArc, ...]:
         """Return the segments, and warn where interpolation or a missing Earth orientation puts states off."""
-        arcs, remark, fixed_m = _open(*find_table(self.file), self.object, self.interpolation, self.degree)
-        if remark:
+        arcs, remarks, fixed_m = _open(*find_table(self.file), self.object, self.interpolation, self.degree)
+        for remark in remarks:
             warn_of_input(f"ephemeris {self.file}: {remark}")
         if len(fixed_m) and self.earth_orientation_file is None:
             cure = "name finals2000A.all of the IERS as earth_orientation_file"
@@ -155,7 +155,7 @@ class Ephemeris(Part):
 @functools.lru_cache(maxsize=16)
 def _open(
     path: Path, modified_ns: int, size: int, wanted: str | None, interpolation: str | None, degree: int | None
-) -> tuple[tuple[EphemerisArc, ...], str, np.ndarray]:
+) -> tuple[tuple[EphemerisArc, ...], list[str], np.ndarray]:
     """Read an ephemeris and compare its interpolation with orbital motion, cached until the file changes.
 
     Parameters
@@ -165,9 +165,10 @@ def _open(
 
     Returns
     -------
-    segments in the order of time, what to warn of, and the farthest position (arc, 3) of each segment in ITRF [m]
+    segments in the order of time, lines to warn of, and the farthest position (arc, 3) of each segment in ITRF [m]
     """
     arcs = read_arcs(path, modified_ns, size, wanted)
     fixed = [arc.position_m for arc in arcs if arc.frame == "itrs"]
     farthest_m = np.array([rows[int(np.argmax(length(rows)))] for rows in fixed]).reshape(-1, 3)
-    return arcs, check_row_spacing(arcs, interpolation, degree), farthest_m
+    remarks = describe_buried_rows(arcs), check_row_spacing(arcs, interpolation, degree)
+    return arcs, [remark for remark in remarks if remark], farthest_m

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import functools
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,13 +30,14 @@ from rso_lidar.orbit.ccsds.reference_frames import freeze_axes, parse_frame
 from rso_lidar.orbit.ccsds.table_segment import TableSegment, sort_segments
 from rso_lidar.orbit.central_body import EARTH
 from rso_lidar.orbit.earth.axes import EarthAxes
-from rso_lidar.orbit.epochs import parse_epoch_ps
+from rso_lidar.orbit.epochs import format_utc, parse_epoch_ps
 from rso_lidar.pose import length
 
 DEGREE = 7
 PLACES = (("x_m", "y_m", "z_m"), ("x_km", "y_km", "z_km"))
 SPEEDS = (("vx_m_s", "vy_m_s", "vz_m_s"), ("vx_km_s", "vy_km_s", "vz_km_s"))
 _LOWEST = 0.5  # Earth radii; a table whose rows are all below is of another unit
+_GROUND_M = EARTH.radius_m * (1.0 - units.EARTH_FLATTENING) - 1e3  # a kilometre below the poles: no ground is there
 _LEAST_HERMITE = 3  # the cubic through two rows; one row alone does not interpolate
 
 
@@ -137,6 +139,22 @@ def _check_distance(arc: EphemerisArc) -> None:
             f"{arc.where}: its positions are {low_m / units.KM:,.0f} to {high_m / units.KM:,.0f} km from the Earth's "
             "centre, where nothing orbits it; correct their unit"
         )
+
+
+def describe_buried_rows(arcs: Sequence[EphemerisArc]) -> str:
+    """Describe the rows that are inside the Earth, below the ground of its poles; empty where there are none."""
+    where = [np.flatnonzero(length(arc.position_m) < _GROUND_M) for arc in arcs]
+    count = sum(map(len, where))
+    if not count:
+        return ""
+    arc, rows = next((arc, rows) for arc, rows in zip(arcs, where, strict=True) if len(rows))
+    first, time_s = int(rows[0]), float(arc.time_s[rows[0]])
+    at = f"time_s = {time_s:g}" if arc.start_utc is None else format_utc(arc.start_utc, time_s)
+    radius_km = float(length(arc.position_m[first : first + 1])[0]) / units.KM
+    return (
+        f"{count:,} of {sum(len(arc.time_s) for arc in arcs):,} rows are inside the Earth, first at "
+        f"{at}, {radius_km:,.0f} km from its centre; correct them"
+    )
 
 
 def _read_csv(text: str, where: str) -> EphemerisArc:

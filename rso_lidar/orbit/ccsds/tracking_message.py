@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean
+from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean, warn_of_input
 from rso_lidar.files import write_text
 from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
 from rso_lidar.orbit.ccsds.message import CcsdsMessage, CcsdsSegment, Entry, check_increasing, parse_number
@@ -21,6 +21,8 @@ from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, format
 
 _RANGE_UNITS = {"km": units.KM, "s": units.SPEED_OF_LIGHT_M_S}
 _POSITION_KEYS = ("RANGE", "ANGLE_1", "ANGLE_2")
+_MOST_ANGLE_DEG = 360.0  # CCSDS 503.0-B-2 has -180 to 360; others write -275 for 85
+_SPAN_EDGE_PS = PS_PER_S  # one second: the span may be stated with fewer digits than the rows
 _CORRECTED = tuple(f"CORRECTION_{key}" for key in _POSITION_KEYS)
 
 
@@ -242,13 +244,36 @@ def _read_stamps(message: CcsdsMessage, segment: CcsdsSegment) -> dict[str, list
         here = f"{message.where}: line {line}"
         if len(cells) != 3:
             raise ScenarioError(f"{here}: a measurement is KEYWORD = epoch value; correct the line")
-        key, epoch, value = cells
-        series.setdefault(key, []).append((parse_epoch_ps(epoch, system, here), parse_number(here, key, value)))
+        key, epoch, text = cells
+        value = parse_number(here, key, text)
+        if key in _POSITION_KEYS[1:] and abs(value) > _MOST_ANGLE_DEG:
+            raise ScenarioError(
+                f"{here}: {key} is {value:g} deg, more than a turn; correct it, or leave the row out where nothing was "
+                "measured"
+            )
+        series.setdefault(key, []).append((parse_epoch_ps(epoch, system, here), value))
         lines.setdefault(key, []).append(line)
+    _check_span(message, segment, system, [ps for rows in series.values() for ps, _ in rows])
     for key in _POSITION_KEYS:
         if key in series:
             check_increasing(message.where, [ps for ps, _ in series[key]], lines[key])
     return series
+
+
+def _check_span(message: CcsdsMessage, segment: CcsdsSegment, system: str, stamps: list[int]) -> None:
+    """Warn where rows lie outside the span that START_TIME and STOP_TIME state."""
+    for key, sign in (("START_TIME", 1), ("STOP_TIME", -1)):
+        stated = segment.meta.get(key)
+        if stated is None or not stamps:
+            continue
+        edge_ps = message.stamp(stated, system)
+        outside = sum(sign * (edge_ps - ps) > _SPAN_EDGE_PS for ps in stamps)
+        if outside:
+            side = "before" if sign > 0 else "after"
+            warn_of_input(
+                f"{message.where}: line {stated.line}: {outside:,} of {len(stamps):,} rows are {side} {key} {stated.value}, "
+                "and are used all the same; correct one of them"
+            )
 
 
 def _read_segment(

@@ -10,6 +10,7 @@ import datetime
 import functools
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -24,12 +25,14 @@ from rso_lidar.orbit.propagation.gravity import Gravity
 from rso_lidar.orbit.sky.almanac import Almanac, Vector3
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.part import Flag, Part, Positive
+from rso_lidar.shipped import find
 
 GM = units.EARTH_GM_M3_S2
 _ZONALS = (units.EARTH_J2, units.EARTH_J3, units.EARTH_J4, units.EARTH_J5, units.EARTH_J6)
 _CORE_M = 0.5 * units.EARTH_RADIUS_M  # below this radius the attraction is held constant, because no orbit is there
 ForceField = Callable[[float, Vector3, Vector3], tuple[Vector3, float]]
 Attraction = Callable[[float, Vector3], Vector3]
+FileStamps = tuple[tuple[Path, int, int], ...]  # path, modification time [ns], size [bytes]
 
 
 class Drag(Part):
@@ -117,6 +120,16 @@ class Forces(Part):
     def has_air(self) -> bool:
         """Whether air acts, on a sphere or on facets."""
         return self._atmosphere is not None
+
+    def stamp_files(self) -> FileStamps:
+        """Return path, modification time [ns] and size [bytes] of each file of the forces, as part of a cache's key.
+
+        A file that is not there has no stamp: whoever reads it raises the error.
+        """
+        named = [] if self.gravity is None else [self.gravity.file, self.gravity.earth_orientation_file]
+        named.append(getattr(self._atmosphere, "space_weather_file", None))
+        places = [place for name in named if name is not None and (place := find(name)) is not None]
+        return tuple((place, (status := place.stat()).st_mtime_ns, status.st_size) for place in places)
 
     def describe_gravity(self) -> str:
         """Describe the Earth's gravity in a few words; an empty text for a point mass."""

@@ -9,7 +9,7 @@ import datetime
 import functools
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal, NamedTuple, Protocol, Self
+from typing import Annotated, Any, Literal, NamedTuple, Protocol, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -19,7 +19,7 @@ from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.facet_model import AttitudeAlong, FacetForces, FindTable
-from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit.propagation.forces import FileStamps, Forces
 from rso_lidar.orbit.propagation.integrator import OdeSolution
 from rso_lidar.orbit.propagation.j2 import J2
 from rso_lidar.orbit.propagation.maneuver import Axes3, Burn, Impulse, describe_late_maneuvers
@@ -323,10 +323,14 @@ def integrate_orbit(
         from that call, where the orbit meets the Earth; its `bad` masks the later epochs
     """
     position, velocity = np.asarray(position_m, dtype=float).tolist(), np.asarray(velocity_m_s, dtype=float).tolist()
-    return _integrated_orbit(tuple(position), tuple(velocity), start_utc, forces, tuple(maneuvers), chief, begin_s)
+    arguments = (tuple(position), tuple(velocity), start_utc, forces, tuple(maneuvers), chief, begin_s)
+    return _integrated_orbit(forces.stamp_files(), *arguments)
 
 
-_integrated_orbit = functools.lru_cache(maxsize=64)(IntegratedOrbit)
+@functools.lru_cache(maxsize=64)
+def _integrated_orbit(_stamps: FileStamps, *arguments: Any) -> IntegratedOrbit:
+    """Integrate an orbit, anew where a file of its forces has changed."""
+    return IntegratedOrbit(*arguments)
 
 
 def _set_entry(entry: int, value: float, state: np.ndarray) -> np.ndarray:

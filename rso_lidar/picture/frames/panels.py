@@ -267,5 +267,5 @@ def draw_error(axes: Axes, frame: Frame, window: Window) -> None:
     if judged.size:
         middle = float(np.median(judged))
         within = float(np.percentile(np.abs(judged - middle), 68.27))
-        note = use_minus_sign(f"median {middle:+.1f} cm, 68 % within ± {within:.1f} cm")
+        note = use_minus_sign(f"median {round(middle, 1) + 0.0:+.1f} cm, 68 % within ± {within:.1f} cm")
     _write_heading(axes, "Error", note)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import functools
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -181,7 +181,8 @@ class Flown(RtnMotion):
         forces = self.forces or (model.forces if model else Forces())
         around, maneuvers = (model.forces, model.maneuvers) if model else (self.chief_forces or forces, ())
         reference = ReferenceOrbit.from_chief(chief, start_utc, around, maneuvers)
-        flight: PlanFlight = _make_flight(self.replace(forces=forces), self.make_plan(start_utc, chief), reference)
+        plan, stamps = self.make_plan(start_utc, chief), (forces.stamp_files(), around.stamp_files())
+        flight: PlanFlight = _make_flight(self.replace(forces=forces), plan, reference, stamps)
         return flight
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -234,8 +235,8 @@ class Flown(RtnMotion):
 
 
 @functools.lru_cache(maxsize=32)
-def _make_flight(motion: Flown, plan: Plan, reference: ReferenceOrbit) -> PlanFlight:
-    """Make the flight of a motion whose forces are known."""
+def _make_flight(motion: Flown, plan: Plan, reference: ReferenceOrbit, _stamps: Hashable) -> PlanFlight:
+    """Make the flight of a motion whose forces are known, anew where one of their files has changed."""
     assert motion.forces is not None
     settings = FlightSettings(motion.forces, motion.thrusters, motion.guidance, motion.navigation, motion.seed or 0)
     return PlanFlight(plan, reference, settings, _find_start(motion, reference))

@@ -35,6 +35,7 @@ from rso_lidar.scenario.tables.world import Time, World
 from rso_lidar.scene import Surface
 from rso_lidar.sensors import AnySensor
 from rso_lidar.shipped import find
+from rso_lidar.user_settings import is_trusted
 
 _WITHOUT_NOISE = (
     "bodies",
@@ -102,7 +103,8 @@ class Mission(Part):
         path : of the file; a relative one is looked up in the working folder, then among the shipped data
         settings : fields to change, such as ``"lidar.laser.energy_mj=20"``
         trust_code, trust_fmu : whether Python code (`dynamics`) and FMUs that the file names may run when it is flown.
-            Otherwise such a scenario can be read but not flown
+            Otherwise such a scenario can be read but not flown, unless the file is in a folder that the user's settings
+            trust (`rso-lidar config set trust_code FOLDER`)
 
         Raises
         ------
@@ -112,6 +114,9 @@ class Mission(Part):
         path = convert_path(path, ScenarioError)
         path = find(path) or path
         text, where = read_toml(path), path.name
+        trust_code, trust_fmu = (
+            given or is_trusted(key, path) for key, given in (("trust_code", trust_code), ("trust_fmu", trust_fmu))
+        )
         scenario = cls.loads(text, folder=path.parent, where=where, settings=settings, trust_code=trust_code)
         return scenario.with_trusted_fmus() if trust_fmu else scenario
 
@@ -288,7 +293,10 @@ class Mission(Part):
             return
         what = f"the FMU '{fmus[0]}' holds native code" if fmus else f"dynamics: names the Python code '{code[0]}'"
         option = "fmu" if fmus else "code"
-        cure = f"runs only where it is trusted; give --trust-{option}, or in Python trust_{option}=True"
+        cure = (
+            f"runs only where it is trusted; give --trust-{option}, in Python trust_{option}=True, or trust its folder with "
+            f"`rso-lidar config set trust_{option} FOLDER`"
+        )
         if self._trust_code is None:
             cure = "never runs from a recording; take a recording of other motions"
         raise ScenarioError(f"{what}, which {cure}")

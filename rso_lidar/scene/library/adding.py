@@ -126,7 +126,7 @@ def add_model(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        where = "let RSO_LIDAR_MODELS name a folder that can be"
+        where = "let RSO_LIDAR_MODELS, or `rso-lidar config set models_folder`, name a folder that can be"
         raise MeshError(f"{folder}: cannot be made ({error.strerror or error}); {where}") from None
     place = folder / f"{name}{suffix}"
     with _lock_library(folder):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -18,6 +17,7 @@ from rso_lidar.part import MOST_TOML_BYTES, Count, NotNegative, Positive, Text, 
 from rso_lidar.records import OTHER, PART_CLASSES, Hinge, PartClass, Symmetry, Taxonomy
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
+from rso_lidar.user_settings import get_setting
 
 _INSTALL_AGAIN = "install the package again (in a checkout: `make models`)"
 _OWN_CURE = "correct that line, or add the mesh again with `rso-lidar models add --overwrite`"
@@ -174,9 +174,10 @@ def _tell_of_shadow(name: str) -> None:
 
 
 def own_folder() -> Path:
-    """Return the folder of the user's own library: `RSO_LIDAR_MODELS`, else the platform's folder for user data."""
-    if folder := os.environ.get("RSO_LIDAR_MODELS"):
-        return Path(folder).expanduser()
+    """Return the folder of the user's own library: the one that the user sets, else the platform's for user data."""
+    folder: Path | None = get_setting("models_folder")
+    if folder:
+        return folder
     from platformdirs import user_data_path
 
     return user_data_path("rso_lidar", appauthor=False) / "models"

@@ -58,6 +58,7 @@ def dispersion_figure(
     axes.plot(time, tubes["range_p50_m"], color=palette.BLUE, lw=figures.LINE_PT)
     axes.set_yscale("log")
     figures.style_axes(axes, x=f"Time [{word}]", y="Range [m]")
+    figures.log_ticks(axes.yaxis, *axes.get_ylim())
     _draw_nearest(plots.flat[4], table, keep_out_m, hard_body_radius_m)
     axes = plots.flat[5]
     axes.plot(time, tubes["detected_probability"], color=palette.GREEN, lw=figures.THICK_PT)
@@ -90,6 +91,7 @@ def _draw_filter(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
         axes.plot(time, tubes[f"{axis}_knowledge_sigma_m"], color=colour, lw=figures.LINE_PT, label=name)
         axes.plot(time, tubes[f"{axis}_filter_sigma_m"], color=colour, lw=figures.THIN_PT, ls=(0, (1, 2)))
     axes.set_yscale("log")
+    figures.log_ticks(axes.yaxis, *axes.get_ylim())
     axes.legend(fontsize=figures.TEXT_PT, frameon=False, labelcolor=palette.QUIET, loc="upper right")
     figures.style_axes(axes, x=f"Time [{word}]", y="Filter's error, one sigma [m]")
 
@@ -120,9 +122,7 @@ def _draw_nearest(axes: Axes, table: Table, keep_out_m: float, hard_body_radius_
     ):
         if limit_m > 0.0:
             axes.axvline(limit_m, color=colour, lw=figures.LINE_PT)
-            axes.text(
-                limit_m, 0.97, f" {word}", color=colour, fontsize=figures.TEXT_PT, va="top", rotation=90, ha="right"
-            )
+            axes.text(limit_m, 0.97, word, color=colour, fontsize=figures.TEXT_PT, va="top", rotation=90, ha="left")
     axes.set_xlim(left=0.0)
     axes.set_ylim(-0.03, 1.03)
     axes.set_facecolor("none")

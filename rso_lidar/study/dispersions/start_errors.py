@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import add_place, suppress_warnings, warn_of_input
+from rso_lidar.errors import PropagationError, add_place, rephrase, suppress_warnings, warn_of_input
 from rso_lidar.mission_analysis import estimate_set_errors
 from rso_lidar.motion import Chief
 from rso_lidar.orbit import (
@@ -110,7 +110,14 @@ def _find_covariance(
     if not history.has_velocity:
         warn_of_input(f"{errors.file}: {history.label}: states no covariance of velocity, which counts as known")
     # in rtn axes of its own orbit, so that a small distance between the two along the track does not turn it
-    covariance = history.at(at, axes="rtn", rotating=True, beyond="two_body" if errors.propagate else "error")[0]
+    try:
+        covariance = history.at(at, axes="rtn", rotating=True, beyond="two_body" if errors.propagate else "error")[0]
+    except PropagationError as error:
+        if errors.propagate or not history.has_velocity:
+            raise
+        cause = str(error).rpartition("; ")[0]
+        cure = "give one at the start, or set propagate = true for two-body motion"
+        raise rephrase(error, f"{cause}; {cure}") from None
     away = history.reference.states(at).position_m[0]
     here = state.position_m[0]
     apart_rad = float(np.arccos(np.clip(away @ here / np.linalg.norm(away) / np.linalg.norm(here), -1.0, 1.0)))

@@ -23,6 +23,7 @@ from rso_lidar.study.targeting.targeter_file import Targeter
 from rso_lidar.study.targeting.targeting_figure import DrawnFlight, targeting_figure
 
 _DRAWN = 721  # samples of a path in the figure
+_ROUNDING = 1e-6  # of the units of goals: metres, degrees, seconds
 _NAMES = {"corrector": "differential corrector", "gradient": "differential corrector and SLSQP"}
 
 
@@ -130,12 +131,11 @@ class SolvedPlan:
         ]
         reached = [["goal or limit", "wanted", "before", "after", "unit"]]
         for row, before, after in zip(self.problem.rows, self.start_flown.tolist(), self.flown.tolist(), strict=False):
-            reached.append([row.quantity, row.wanted, f"{before:.6g}", f"{after:.6g}", row.unit])
+            reached.append([row.quantity, row.wanted, _format_value(before), _format_value(after), row.unit])
         if targeter.minimize is not None:
             before, after = float(self.start_flown[-1]), float(self.flown[-1])
-            reached.append(
-                [targeter.minimize, "least", f"{before:.6g}", f"{after:.6g}", QUANTITIES[targeter.minimize].unit]
-            )
+            unit = QUANTITIES[targeter.minimize].unit
+            reached.append([targeter.minimize, "least", _format_value(before), _format_value(after), unit])
         lines += [f"  {line}" for line in align_columns(variables, [0])]
         lines += [f"  {line}" for line in align_columns(reached, [0, 1, 4])]
         lines += [f"  active: {limit}" for limit in self.active]
@@ -207,6 +207,19 @@ class SolvedPlan:
         assert phase is not None
         pushes = np.array([[push.time_s, push.size_m_s] for push in flight.pushes]).reshape(-1, 2)
         return DrawnFlight(times, states.position_m, phase(states), pushes)
+
+
+def _format_value(value: float) -> str:
+    """Format a value of a flight to six digits.
+
+    Below a millionth of its unit it is rounding, which is no distance that a craft could have.
+
+    >>> [_format_value(value) for value in (1.83e-12, -1e-9, 0.0, 12.3456789, 2.5e6)]
+    ['< 1e-6', '> -1e-6', '0', '12.3457', '2,500,000']
+    """
+    if 0.0 < abs(value) < _ROUNDING:
+        return "< 1e-6" if value > 0.0 else "> -1e-6"
+    return f"{value:,.0f}" if 1e6 <= abs(value) < 1e15 else f"{value + 0.0:.6g}"
 
 
 def solve_targeter(

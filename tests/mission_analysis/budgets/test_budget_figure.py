@@ -55,6 +55,17 @@ def test_curves_marks_and_names():
     assert names == ["near: 700 m", "far: 5 km (end of the armed window)"]
 
 
+def test_a_curve_on_another_is_dashed_so_that_both_are_seen():
+    """The third has the pixels of the first two, and other photons."""
+    figure = budget_figure([line(700.0), line(700.0), line(700.0, photons=7.0)], ["a", "b", "c"], "Budget", "", 0.9)
+    light, pixels = (
+        [entry.get_linestyle() for entry in axes.get_lines() if len(entry.get_xdata()) > 1]
+        for axes in (figure.axes[0], figure.axes[5])
+    )
+    assert light == ["-", "--", "-"]
+    assert pixels == ["-", "--", "--"]
+
+
 def test_a_curve_that_is_never_seen_is_drawn_without_a_mark():
     figure = budget_figure([line(float("nan"), photons=0.0), line(9000.0)], ["dark", "outside"], "Budget", "", 0.5)
     assert drawn(figure)[1] == [0] * 6

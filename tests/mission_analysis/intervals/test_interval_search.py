@@ -67,6 +67,7 @@ def test_and_binds_more_than_or_and_not_most():
         ("contact()", "')' comes where an argument is needed"),
         ("contact(Graz,)", "')' comes where an argument is needed"),
         ("not " * 60 + "lit", "nested too deeply"),
+        (" or ".join(["lit"] * 201), "has 201 conditions; give at most 200 in one expression"),
     ],
 )
 def test_what_is_wrong_in_an_expression_is_one_line(text, message):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.errors import PropagationError, RsoLidarWarning, ScenarioError
 from rso_lidar.mission_analysis.passes.covariance_sources import CovarianceSources
 from rso_lidar.orbit import (
     Catalog,
@@ -122,6 +122,18 @@ def test_without_a_covariance_or_radius_the_reason_is_given(tmp_path):
     assert row["collision_probability"] is None and "no covariance is known" in row["collision_reason"]
     assert "no hard-body radius of" in search(covariances=[AGES]).table()
     assert search().rows[0].collision is None
+
+
+def test_a_covariance_of_no_object_of_the_search_is_warned_of(tmp_path):
+    orbit, epochs = Catalog.from_file(FLYBY).trajectory(99003), Epochs(START, np.arange(0.0, 50.0, 5.0))
+    history = CovarianceHistory.from_axes("OTHER", orbit, epochs, np.tile(np.eye(6), (10, 1, 1)), "rtn")
+    place = write_oem(tmp_path / "a.oem", "OTHER", "2024-002C", epochs, orbit.states(epochs), covariances=history)
+    entry = NamedTrajectory("OURS", orbit)
+    with pytest.warns(
+        RsoLidarWarning, match=r"a\.oem is of other, not in the search, and is not used; write NAME=a\.oem"
+    ):
+        CovarianceSources([str(place)], [entry])
+    CovarianceSources([("OURS", str(place))], [entry])
 
 
 @pytest.mark.parametrize(

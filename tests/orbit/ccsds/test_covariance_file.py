@@ -154,7 +154,10 @@ def test_a_covariance_in_square_metres_is_asked_about(oem):
         ({"rows": TEXT.replace(TEXT.split()[0], "-1.0", 1)}, "not positive semidefinite: a variance is below 0"),
         ({"frame": "MOON"}, "reference frame MOON is not supported"),
         ({"frame": "LVLH"}, "LVLH means two things"),
-        ({"epoch": "2024-09-18T12:10:30"}, "covariance: .*does not cover"),
+        (
+            {"epoch": "2024-09-18T12:10:30"},
+            r"line \d+: a covariance outside the states of CRAFT, which span .*; correct its EPOCH",
+        ),
         ({"epoch": "noon"}, "epoch 'noon'"),
         ({"more": "EPOCH = 2024-09-17T12:10:20\n" + TEXT + "\n"}, "do not increase"),
     ],

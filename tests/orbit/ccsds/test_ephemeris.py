@@ -475,6 +475,19 @@ def test_positions_of_another_unit_are_refused(tmp_path, factor, says):
     assert str(refused.value).endswith(", where nothing orbits it; correct their unit")
 
 
+@pytest.mark.filterwarnings("ignore:.*interpolation")
+def test_rows_inside_the_earth_are_warned_of(tmp_path):
+    """At 6355 km; rows at 6356 km, as at the poles, may be a place on the ground."""
+    rows = [f"2024-09-17T12:{m:02d}:00 {6357 - m} 0 0 0 0 0" for m in range(5)]
+    path = saved(tmp_path, HEAD + segment(rows))
+    says = r"3 of 5 rows are inside the Earth, first at 2024-09-17T12:02:00.*, 6,355 km from its centre; correct them"
+    with pytest.warns(RsoLidarWarning, match=says):
+        Ephemeris(file=path).states(Epochs(START, np.zeros(1)))
+    table = "time_s,x_km,y_km,z_km\n" + "".join(f"{60 * k},{6357 - k},0,0\n" for k in range(9))
+    with pytest.warns(RsoLidarWarning, match="7 of 9 rows are inside the Earth, first at time_s = 120, 6,355 km"):
+        Ephemeris(file=saved(tmp_path, table, "some.csv")).states(Epochs(START, np.zeros(1)))
+
+
 @pytest.mark.parametrize("axes", ["mod", "tod", "teme"])
 def test_axes_of_date_of_one_epoch_do_not_turn(axes, tmp_path):
     """So interpolation is as good as in GCRS axes, where axes of each row's date are off by up to 0.1 mm/s."""

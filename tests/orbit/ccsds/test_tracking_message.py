@@ -5,7 +5,7 @@ import datetime
 import numpy as np
 import pytest
 
-from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.errors import RecordingError, RsoLidarWarning, ScenarioError
 from rso_lidar.orbit import Epochs, TrackingDataMessage, gcrs_from_axes, write_tdm
 
 START = datetime.datetime(2026, 5, 1, 12, tzinfo=datetime.UTC)
@@ -227,6 +227,8 @@ def test_ranges_and_angles_of_two_segments_are_joined():
         ({"rows": ()}, "has no range and no angle; give lines such as RANGE = epoch"),
         ({"rows": (("RANGE", ""),)}, "line 13: a measurement is KEYWORD = epoch value"),
         ({"rows": (("RANGE", "far"),)}, "line 13: RANGE 'far' is not a number"),
+        ({"rows": (("ANGLE_1", 9999.0),)}, "line 13: ANGLE_1 is 9999 deg, more than a turn; correct it, or leave"),
+        ({"START_TIME": "soon"}, "line 11: epoch 'soon'"),
         ({"rows": (("RANGE", 1.0), ("RANGE", 2.0))}, "line 14: its epoch occurs twice"),
         ({"notes": "COMMENT SIGMA_RANGE = -1 [m]"}, "line 13: SIGMA_RANGE is -1; give a number above 0"),
     ],
@@ -263,6 +265,11 @@ def test_what_is_no_position_is_said(options, says):
 def test_blocks_that_do_not_pair_are_named(place, old, new, says):
     with pytest.raises(ScenarioError, match=says):
         TrackingDataMessage.from_text(message_text().replace(old, new, 1))
+
+
+def test_rows_outside_the_stated_span_are_warned_of():
+    with pytest.warns(RsoLidarWarning, match="line 11: 3 of 3 rows are before START_TIME .*; correct one of them"):
+        TrackingDataMessage.from_text(message_text(START_TIME="2036-01-01T00:00:00"), "a.tdm")
 
 
 def test_a_comment_in_another_unit_states_no_noise():

@@ -8,7 +8,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit import Epochs, Forces, Gravity, gcrs_from_axes, itrs_from_gcrs
+from rso_lidar.orbit import Epochs, Forces, Gravity, gcrs_from_axes, integrate_orbit, itrs_from_gcrs
 from rso_lidar.part import dump_part
 from rso_lidar.shipped import shipped
 
@@ -112,6 +112,24 @@ def test_a_users_file_is_read_to_its_own_degree(tmp_path):
     assert ours.load_harmonics().perturb(*R) == theirs.load_harmonics().perturb(*R)
     with pytest.raises(ScenarioError, match="has no coefficient of degree 21 and order 1; lower the degree"):
         Gravity(degree=21, file=str(file)).load_harmonics()
+
+
+def test_an_orbit_is_integrated_anew_when_its_field_is_edited(tmp_path):
+    """The orbit moves by the changed share of J2 in the fall: about 1.5 J2 g t^2 / 2 of it."""
+    file = tmp_path / "own.gfc"
+    file.write_text(FIELD.read_text())
+    forces = Forces(gravity=Gravity(degree=2, file=str(file)))
+
+    def fly():
+        return integrate_orbit(R, V, START, forces)(np.array([600.0]))[0, :3]
+
+    first = fly()
+    text = file.read_text()
+    assert text.count("-4.841651437908150e-04") == 1
+    file.write_text(text.replace("-4.841651437908150e-04", "-4.84e-04"))  # by 3.4e-4 of J2
+    moved_m = np.linalg.norm(fly() - first)
+    most_m = 3.4e-4 * 1.5 * 1.0826e-3 * 9.0 * 600.0**2 / 2
+    assert 0.05 * most_m < moved_m < 2.0 * most_m
 
 
 @pytest.mark.parametrize(

@@ -454,6 +454,17 @@ def test_a_message_that_states_no_covariance_is_refused_in_one_line(start, probl
     assert "\n" not in str(error.value)
 
 
+def test_a_covariance_of_another_instant_names_the_key_that_propagates_it():
+    errors = rl.Dispersion(start={"type": "covariance", "file": "tle/flyby.cdm", "object": "OBJECT2"})
+    scenario = make_scenario(dispersion=errors)
+    later = scenario.replace(time=scenario.time.replace(start_utc=START + datetime.timedelta(minutes=1)))
+    with pytest.raises(
+        rl.RsoLidarError, match=r"does not cover .*; give one at the start, or set propagate = true"
+    ) as error:
+        resolve_start_errors(later, "plate")
+    assert "beyond" not in str(error.value)
+
+
 def test_a_covariance_of_another_object_is_warned_of():
     errors = rl.Dispersion(start={"type": "covariance", "file": "tle/flyby.cdm", "object": "OBJECT2"})
     with pytest.warns(rl.RsoLidarWarning, match="km from the body whose errors it states"):
