@@ -26,6 +26,11 @@ def test_a_changed_byte_and_a_missing_shard_are_found(made, tmp_path):
     data = bytearray(first.read_bytes())
     data[len(data) // 2] ^= 4
     first.write_bytes(data)
+    assert not check_folder(folder, quick=True).problems  # which compares sizes only
+    first.write_bytes(data[:-1])
+    quick = check_folder(folder, quick=True)
+    assert "differs from its size" in quick.problems[0] and "no frame was made again" in quick.describe()
+    first.write_bytes(data)
     second.unlink()
     problems = check_folder(folder, samples=2).problems
     assert len(problems) == 2
