@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rso_lidar.dataset.checking.field_leaks import has_forest, search_fields
 from rso_lidar.dataset.checking.order_leaks import find_order_leaks
 from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
@@ -27,7 +28,7 @@ class FolderCheck:
     """Result of the check of a folder: damaged and missing shards, frames that differ when made again, and statistics.
 
     `n_shards` is None where the specification is not the one that made the folder. `is_quick` is whether sizes of shards were
-    compared in place of their hashes.
+    compared in place of their hashes. `field_leaks` is None where fields were not tested: in a quick check, and without scikit-learn.
     """
 
     dataset: Dataset
@@ -36,6 +37,7 @@ class FolderCheck:
     remade: int
     statistics: LabelStatistics | None
     order_leaks: tuple[str, ...] = ()
+    field_leaks: tuple[str, ...] | None = None
     is_quick: bool = False
 
     def describe(self) -> str:
@@ -58,7 +60,12 @@ class FolderCheck:
             )
         if self.statistics is not None:
             lines += ["", *self.statistics.tabulate()]
-            lines += [f"warning: {line}" for line in (*self.order_leaks, *self.statistics.warn())]
+            leaks = (*self.order_leaks, *(self.field_leaks or ()), *self.statistics.warn())
+            lines += [f"warning: {line}" for line in leaks]
+            if self.field_leaks is None and not self.is_quick:
+                lines.append(
+                    'not tested: whether a forest predicts labels from fields and files; pip install "rso-lidar[learn]"'
+                )
         return "\n".join([*lines, *(f"problem: {line}" for line in self.problems)])
 
 
@@ -128,8 +135,16 @@ def check_folder(
     if not is_readable:
         return FolderCheck(dataset, n_shards, tuple(problems), 0, None, is_quick=quick)
     remade, unlike = (0, []) if plan is None else _make_again(dataset, plan, samples, np.random.default_rng(seed))
-    statistics = collect_statistics(dataset)
-    return FolderCheck(dataset, n_shards, (*problems, *unlike), remade, statistics, _find_order_leaks(dataset), quick)
+    return FolderCheck(
+        dataset,
+        n_shards,
+        (*problems, *unlike),
+        remade,
+        collect_statistics(dataset),
+        _find_order_leaks(dataset),
+        tuple(search_fields(dataset)) if has_forest() and not quick else None,
+        quick,
+    )
 
 
 def load_plan(
