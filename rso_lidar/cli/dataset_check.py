@@ -21,7 +21,7 @@ def check(
         bool,
         typer.Option(
             "--quick",
-            help="Compare sizes in place of hashes and make no sample again; of a specification, fly an eighth of the samples.",
+            help="Compare sizes, not hashes, and make no sample again; of a specification, fly an eighth of the samples.",
         ),
     ] = False,
     files: Annotated[

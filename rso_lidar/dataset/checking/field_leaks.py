@@ -41,7 +41,7 @@ def search_fields(dataset: Dataset) -> list[str]:
     One line for each field and label.
     """
     rng = np.random.default_rng(0)
-    tables = [_read_fields(dataset.split(name), rng) for name in dataset.splits]
+    tables = [_read_fields(dataset.split(name), rng) for name in dataset.labelled_splits]
     if not tables:
         return []
     columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}

@@ -27,8 +27,9 @@ from rso_lidar.scenario import list_dynamics
 class FolderCheck:
     """Result of the check of a folder: damaged and missing shards, frames that differ when made again, and statistics.
 
-    `n_shards` is None where the specification is not the one that made the folder. `is_quick` is whether sizes of shards were
-    compared in place of their hashes. `field_leaks` is None where fields were not tested: in a quick check, and without scikit-learn.
+    `n_shards` is None where the specification is not the one that made the folder. `is_quick` is whether sizes of shards
+    were compared in place of their hashes. `field_leaks` is None where fields were not tested: in a quick check, and without
+    scikit-learn.
     """
 
     dataset: Dataset
@@ -108,8 +109,9 @@ def check_folder(
     samples = 0 if quick else samples
     problems: list[str] = []
     plan = None
+    is_contest = dataset.labelled_splits != dataset.splits  # it cannot be made again without its seed
     try:
-        plan = load_plan(dataset, files, trust_code=trust_code, trust_fmu=trust_fmu)
+        plan = None if is_contest else load_plan(dataset, files, trust_code=trust_code, trust_fmu=trust_fmu)
     except RsoLidarError as error:
         problems.append(str(error))
     tell = on_shard or (lambda done, count: None)
@@ -122,7 +124,7 @@ def check_folder(
         elif not quick and hash_file(path) != record.sha256:
             problems.append(f"{path}: differs from its hash in the manifest; delete it, and make with --resume")
         tell(done, len(dataset.records))
-    is_readable = len(problems) == (plan is None)
+    is_readable = len(problems) == (plan is None and not is_contest)
     if plan is not None and plan.n_shards > len(dataset.records):
         missing = plan.n_shards - len(dataset.records)
         problems.append(f"{dataset.folder}: {missing:,} of {plan.n_shards:,} shards are not made; make with --resume")
@@ -189,7 +191,7 @@ def _find_code(plan: DatasetPlan) -> str:
 
 def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
     """Collect the labels of all frames for statistics; None for a dataset without frames."""
-    splits = [dataset.split(name) for name in dataset.splits]
+    splits = [dataset.split(name) for name in dataset.labelled_splits]
     if not splits:
         return None
     drawn = [name for name in splits[0].names if name.startswith(VARIABLE_PREFIX)]
@@ -201,7 +203,7 @@ def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
 
 def _find_order_leaks(dataset: Dataset) -> tuple[str, ...]:
     """Return a line for each order of the samples that tells their class: their numbers, and their places in each split."""
-    splits = [dataset.split(name) for name in dataset.splits]
+    splits = [dataset.split(name) for name in dataset.labelled_splits]
     columns = [{name: split.column(name) for name in ("sample", "class_id", "step", "draw")} for split in splits]
     chosen = [(table["step"] == 0) & (table["draw"] == 0) for table in columns]  # one frame of each sample
     sizes = [int(rows.sum()) for rows in chosen]
@@ -220,7 +222,7 @@ def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.
     """Make `count` random samples again; return the number of compared frames, and a line for each that differs."""
     frames, problems = 0, []
     names = list_names(plan)
-    splits = [dataset.split(name) for name in dataset.splits]
+    splits = [dataset.split(name) for name in dataset.labelled_splits]
     samples = [split.column("sample") for split in splits]
     for _ in range(count if splits else 0):
         place = int(rng.integers(len(splits)))

@@ -66,6 +66,7 @@ def choose_block(val: float, test: float) -> int:
     (10, 4, 3, 10)
     """
     shares = [share for share in (1.0 - val - test, val, test) if share > 0.0]
+    block: int
     for block in (BLOCK, *range(2, _MOST_BLOCK + 1)):
         if all(round(share * block) >= 1 and abs(share * block - round(share * block)) <= _WHOLE for share in shares):
             return block
