@@ -38,6 +38,13 @@ from rso_lidar.interruption import defer_signals, make_temporary_folder, remove_
 LOCAL = "local"  # a scheduler of dask that is started here
 _LOST_WORKERS = 16  # workers that may be killed under one task, before the task is taken for their cause
 _CONNECT_S = "20s"
+_LOG_FORMAT = "warning: dask: %(message)s"
+_LOG_LEVELS = {  # of dask: one line for a lost worker, by its nanny, and none for what a call raises, which is raised here
+    "distributed": "warning",
+    "distributed.scheduler": "error",
+    "distributed.worker": "critical",
+    "distributed.worker.memory": "warning",
+}
 _WARNINGS = "PYTHONWARNINGS"
 _PARTS = 8  # of some values, for each worker: so that none waits long for the last one
 
@@ -394,17 +401,22 @@ def open_dask_client(scheduler: str, workers: int) -> Iterator[Any]:
     ----------
     scheduler : address of a running scheduler, such as ``tcp://10.0.0.1:8786``, or ``local``
     """
-    try:
-        dask: Any = importlib.import_module("dask")
-        distributed: Any = importlib.import_module("distributed")
-    except ImportError:
-        raise ScenarioError('--engine dask: needs dask; install the extra: pip install "rso-lidar[dask]"') from None
+    settings = {
+        "distributed.scheduler.allowed-failures": _LOST_WORKERS,
+        "distributed.admin.large-graph-warning-threshold": "4GiB",  # a scenario is sent once
+        "distributed.admin.log-format": _LOG_FORMAT,
+        "logging": _LOG_LEVELS,
+        # workers read theirs from the environment
+        "distributed.nanny.pre-spawn-environ.DASK_DISTRIBUTED__ADMIN__LOG_FORMAT": _LOG_FORMAT,
+        "distributed.nanny.pre-spawn-environ.DASK_LOGGING": str(_LOG_LEVELS),
+    }
     with ExitStack() as stack:
-        settings = {
-            "distributed.scheduler.allowed-failures": _LOST_WORKERS,
-            "distributed.admin.large-graph-warning-threshold": "4GiB",  # a scenario is sent once
-        }
-        stack.enter_context(dask.config.set(settings))
+        try:
+            dask: Any = importlib.import_module("dask")
+            stack.enter_context(dask.config.set(settings))  # before distributed, which reads its log levels once
+            distributed: Any = importlib.import_module("distributed")
+        except ImportError:
+            raise ScenarioError('--engine dask: needs dask; install the extra: pip install "rso-lidar[dask]"') from None
         try:
             if scheduler == LOCAL:
                 _start_quiet_tracker()

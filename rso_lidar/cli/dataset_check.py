@@ -17,6 +17,13 @@ def check(
         int,
         typer.Option("--samples", min=0, max=10_000, help="Number of samples of a folder to make again and compare."),
     ] = 4,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="Compare sizes, not hashes, and make no sample again; of a specification, fly an eighth of the samples.",
+        ),
+    ] = False,
     files: Annotated[
         Path | None,
         typer.Option(
@@ -33,9 +40,11 @@ def check(
     """
     with announce_compiling():
         if not path.is_dir():
-            echo(check_spec(path, trust_code=trust_code, trust_fmu=trust_fmu).describe())
+            echo(check_spec(path, quick=quick, trust_code=trust_code, trust_fmu=trust_fmu).describe())
             return
-        report = check_folder(path, samples=samples, files=files, seed=seed, trust_code=trust_code, trust_fmu=trust_fmu)
+        report = check_folder(
+            path, samples=samples, quick=quick, files=files, seed=seed, trust_code=trust_code, trust_fmu=trust_fmu
+        )
     echo(report.describe())
     if report.problems:
         raise typer.Exit(1)

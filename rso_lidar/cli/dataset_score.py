@@ -30,6 +30,13 @@ def score(
     ],
     dataset: Annotated[Path, typer.Option("--dataset", metavar="FOLDER", help="Folder of the dataset.")],
     split: Annotated[str, typer.Option("--split", help="Split to score.")] = "test",
+    contest: Annotated[
+        bool,
+        typer.Option(
+            "--contest",
+            help="Predictions number frames as `publish --hidden-labels` does; FOLDER has the labels and the key.",
+        ),
+    ] = False,
     output: Annotated[
         list[Path] | None,
         typer.Option(
@@ -84,7 +91,7 @@ def score(
     places = [check_score_report(place, overwrite=overwrite) for place in output or ()]
     scheme = choose_scheme(dark, places)
     opened = Dataset(dataset)
-    options = {"min_lit_pixels": min_lit_pixels, "replicates": replicates, "confidence": confidence}
+    options = {"contest": contest, "min_lit_pixels": min_lit_pixels, "replicates": replicates, "confidence": confidence}
     card = score_files(predictions, opened, split, **options)  # type: ignore[arg-type]
     comparison = None
     if against:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rso_lidar.dataset.checking.field_leaks import has_forest, search_fields
 from rso_lidar.dataset.checking.order_leaks import find_order_leaks
 from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
@@ -26,7 +27,9 @@ from rso_lidar.scenario import list_dynamics
 class FolderCheck:
     """Result of the check of a folder: damaged and missing shards, frames that differ when made again, and statistics.
 
-    `n_shards` is None where the specification is not the one that made the folder.
+    `n_shards` is None where the specification is not the one that made the folder. `is_quick` is whether sizes of shards
+    were compared in place of their hashes. `field_leaks` is None where fields were not tested: in a quick check, and without
+    scikit-learn.
     """
 
     dataset: Dataset
@@ -35,6 +38,8 @@ class FolderCheck:
     remade: int
     statistics: LabelStatistics | None
     order_leaks: tuple[str, ...] = ()
+    field_leaks: tuple[str, ...] | None = None
+    is_quick: bool = False
 
     def describe(self) -> str:
         """Return shards, frames, remade frames, balance, warnings and problems as text."""
@@ -44,7 +49,9 @@ class FolderCheck:
             f"{self.dataset.constants.title}: {len(records):,}{of_all} shards, "
             f"{sum(record.frames for record in records):,} frames, "
             f"{sum(record.size_bytes for record in records) / 1e6:,.1f} MB",
-            f"{self.remade:,} frames were made again and compared bit for bit"
+            "quick: sizes of shards were compared, not their hashes, and no frame was made again"
+            if self.is_quick
+            else f"{self.remade:,} frames were made again and compared bit for bit"
             + (": all are the same" if self.remade and not self.problems else ""),
         ]
         if drafts := list_drafts(self.dataset.folder):
@@ -54,7 +61,12 @@ class FolderCheck:
             )
         if self.statistics is not None:
             lines += ["", *self.statistics.tabulate()]
-            lines += [f"warning: {line}" for line in (*self.order_leaks, *self.statistics.warn())]
+            leaks = (*self.order_leaks, *(self.field_leaks or ()), *self.statistics.warn())
+            lines += [f"warning: {line}" for line in leaks]
+            if self.field_leaks is None and not self.is_quick:
+                lines.append(
+                    'not tested: whether a forest predicts labels from fields and files; pip install "rso-lidar[learn]"'
+                )
         return "\n".join([*lines, *(f"problem: {line}" for line in self.problems)])
 
 
@@ -62,6 +74,7 @@ def check_folder(
     folder: str | Path,
     *,
     samples: int = 4,
+    quick: bool = False,
     files: Path | None = None,
     seed: int = 0,
     on_shard: Callable[[int, int], None] | None = None,
@@ -77,6 +90,7 @@ def check_folder(
     ----------
     folder : of the dataset
     samples : number of samples that are made again
+    quick : whether to compare sizes of shards in place of their hashes, and to make no sample again
     files : folder in which relative paths of meshes and orbit files start (None: the dataset's folder)
     seed : random seed of the choice of these samples
     on_shard : called after each shard with the number of hashed shards and the number of all shards
@@ -91,11 +105,13 @@ def check_folder(
     DatasetError
         If the folder is no dataset, or its scenario names code that is not run.
     """
-    dataset = Dataset(folder)
+    dataset = Dataset(folder, verify=not quick)
+    samples = 0 if quick else samples
     problems: list[str] = []
     plan = None
+    is_contest = dataset.labelled_splits != dataset.splits  # it cannot be made again without its seed
     try:
-        plan = load_plan(dataset, files, trust_code=trust_code, trust_fmu=trust_fmu)
+        plan = None if is_contest else load_plan(dataset, files, trust_code=trust_code, trust_fmu=trust_fmu)
     except RsoLidarError as error:
         problems.append(str(error))
     tell = on_shard or (lambda done, count: None)
@@ -103,10 +119,12 @@ def check_folder(
         path = dataset.folder / record.path
         if not path.is_file():
             problems.append(f"{path}: is missing; make with --resume")
-        elif hash_file(path) != record.sha256:
+        elif path.stat().st_size != record.size_bytes:
+            problems.append(f"{path}: differs from its size in the manifest; delete it, and make with --resume")
+        elif not quick and hash_file(path) != record.sha256:
             problems.append(f"{path}: differs from its hash in the manifest; delete it, and make with --resume")
         tell(done, len(dataset.records))
-    is_readable = len(problems) == (plan is None)
+    is_readable = len(problems) == (plan is None and not is_contest)
     if plan is not None and plan.n_shards > len(dataset.records):
         missing = plan.n_shards - len(dataset.records)
         problems.append(f"{dataset.folder}: {missing:,} of {plan.n_shards:,} shards are not made; make with --resume")
@@ -117,10 +135,18 @@ def check_folder(
         )
     n_shards = None if plan is None else plan.n_shards
     if not is_readable:
-        return FolderCheck(dataset, n_shards, tuple(problems), 0, None)
+        return FolderCheck(dataset, n_shards, tuple(problems), 0, None, is_quick=quick)
     remade, unlike = (0, []) if plan is None else _make_again(dataset, plan, samples, np.random.default_rng(seed))
-    statistics = collect_statistics(dataset)
-    return FolderCheck(dataset, n_shards, (*problems, *unlike), remade, statistics, _find_order_leaks(dataset))
+    return FolderCheck(
+        dataset,
+        n_shards,
+        (*problems, *unlike),
+        remade,
+        collect_statistics(dataset),
+        _find_order_leaks(dataset),
+        tuple(search_fields(dataset)) if has_forest() and not quick else None,
+        quick,
+    )
 
 
 def load_plan(
@@ -165,7 +191,7 @@ def _find_code(plan: DatasetPlan) -> str:
 
 def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
     """Collect the labels of all frames for statistics; None for a dataset without frames."""
-    splits = [dataset.split(name) for name in dataset.splits]
+    splits = [dataset.split(name) for name in dataset.labelled_splits]
     if not splits:
         return None
     drawn = [name for name in splits[0].names if name.startswith(VARIABLE_PREFIX)]
@@ -177,7 +203,7 @@ def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
 
 def _find_order_leaks(dataset: Dataset) -> tuple[str, ...]:
     """Return a line for each order of the samples that tells their class: their numbers, and their places in each split."""
-    splits = [dataset.split(name) for name in dataset.splits]
+    splits = [dataset.split(name) for name in dataset.labelled_splits]
     columns = [{name: split.column(name) for name in ("sample", "class_id", "step", "draw")} for split in splits]
     chosen = [(table["step"] == 0) & (table["draw"] == 0) for table in columns]  # one frame of each sample
     sizes = [int(rows.sum()) for rows in chosen]
@@ -196,7 +222,7 @@ def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.
     """Make `count` random samples again; return the number of compared frames, and a line for each that differs."""
     frames, problems = 0, []
     names = list_names(plan)
-    splits = [dataset.split(name) for name in dataset.splits]
+    splits = [dataset.split(name) for name in dataset.labelled_splits]
     samples = [split.column("sample") for split in splits]
     for _ in range(count if splits else 0):
         place = int(rng.integers(len(splits)))

@@ -24,6 +24,7 @@ from rso_lidar.interruption import make_temporary_folder
 
 _FLOWN = 64  # samples, of all classes together: a check of some seconds
 _DRAWN = 1000  # samples whose drawn numbers are compared: no flight, so many more
+_QUICK_SHARE = 8  # of these numbers a quick check takes one part
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +77,15 @@ class SpecCheck:
         return "\n".join([*lines, *remarks])
 
 
-def check_spec(spec: DatasetSpec | str | Path, *, trust_code: bool = False, trust_fmu: bool = False) -> SpecCheck:
-    """Check a specification: draw a thousand samples, fly some of them, and look for leaks.
+def check_spec(
+    spec: DatasetSpec | str | Path, *, quick: bool = False, trust_code: bool = False, trust_fmu: bool = False
+) -> SpecCheck:
+    """Check a specification: draw a thousand samples, fly 64 of them, and look for leaks.
 
     Parameters
     ----------
     spec : the specification, or its TOML file
+    quick : whether to draw and fly an eighth of these samples only, at least one of each class
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, that the scenario names may run
 
     Returns
@@ -95,11 +99,12 @@ def check_spec(spec: DatasetSpec | str | Path, *, trust_code: bool = False, trus
     """
     plan = make_plan(spec, trust_code=trust_code, trust_fmu=trust_fmu)
     check_samples(plan)
+    part = _QUICK_SHARE if quick else 1
     flown: list[LabelledFrame] = []
     numbers: list[dict[str, float]] = []
     took_s: list[float] = []
     with suppress_warnings():
-        for index in _choose(plan, _FLOWN):
+        for index in _choose(plan, _FLOWN // part):
             began_s = time.perf_counter()
             for frame, drawn in fly_sample(plan, draw_sample(plan, index)):
                 flown.append(frame)
@@ -111,7 +116,7 @@ def check_spec(spec: DatasetSpec | str | Path, *, trust_code: bool = False, trus
         write_shard(file, flown, numbers, list_names(plan), dataset=plan.sha256)
         frame_bytes = file.stat().st_size / len(flown)
     per_frame = float(np.median(took_s)) / plan.spec.frames_per_sample
-    return SpecCheck(plan, statistics, _compare_drawn(plan), per_frame, frame_bytes)
+    return SpecCheck(plan, statistics, _compare_drawn(plan, _DRAWN // part), per_frame, frame_bytes)
 
 
 def _choose(plan: DatasetPlan, count: int) -> list[int]:
@@ -129,11 +134,11 @@ def _collect(frames: list[LabelledFrame]) -> dict[str, Any]:
     return {name: np.array([getattr(frame, name) for frame in frames]) for name in COLUMNS}
 
 
-def _compare_drawn(plan: DatasetPlan) -> tuple[str, ...]:
-    """Return one line for each drawn number that reveals the class."""
+def _compare_drawn(plan: DatasetPlan, count: int) -> tuple[str, ...]:
+    """Draw some samples, and return one line for each drawn number that reveals the class."""
     rows, owner = [], []
     with suppress_warnings():
-        for index in _choose(plan, _DRAWN):
+        for index in _choose(plan, count):
             sample = draw_sample(plan, index)
             if sample.class_id >= 0:
                 rows.append(list_numbers(sample))

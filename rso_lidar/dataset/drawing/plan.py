@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rso_lidar.dataset.drawing.inputs import find_meshes, hash_named_files, list_models
-from rso_lidar.dataset.drawing.sample_order import assign_splits, shuffle_samples
+from rso_lidar.dataset.drawing.sample_order import BLOCK, assign_splits, choose_block, shuffle_samples
 from rso_lidar.dataset.drawing.uniform_numbers import draw_shares
 from rso_lidar.dataset.specification.spec import DatasetSpec, check_model_split
 from rso_lidar.dataset.specification.tables import SPLITS, ClassOfTargets, ModelSplit, RandomSplit
@@ -100,6 +100,9 @@ class DatasetPlan:
         """Hash of all inputs of the samples: the specification, the base scenario, the meshes and all other files."""
         own = self.spec.model_dump(exclude_none=True, exclude={"scenario", "set"})  # both are in the tables
         inputs = [_DRAWING, own, self.mesh_sha256, self.tables, *([self.file_sha256] if self.file_sha256 else [])]
+        rule = self.spec.split
+        if isinstance(rule, RandomSplit) and (block := choose_block(rule.val, rule.test)) != BLOCK:
+            inputs.append({"split_block": block})
         text = json.dumps(inputs, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
 

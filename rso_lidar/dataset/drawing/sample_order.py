@@ -9,7 +9,9 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.philox import draw_block
 
 _HALF_ROUNDS = 12  # of the Feistel network: the number of a sample then tells nothing of its class (tested)
-_BLOCK = 10  # samples of a class, of which each split gets its share exactly
+BLOCK = 10  # samples of a class, of which each split gets its share, where no other block divides better
+_MOST_BLOCK = 16  # one random number of 53 bits orders a block: 16! is below 2^53
+_WHOLE = 0.02  # from a whole number of samples: 0.33 is a third; assumed
 _HALVES_UP = 0.5  # added before a count is rounded down
 
 
@@ -31,8 +33,8 @@ def shuffle_samples(seed: int, index: np.ndarray, count: int) -> np.ndarray:
 def assign_splits(seed: int, group: str, number: np.ndarray, val: float, test: float) -> np.ndarray:
     """Assign samples of a class at random to splits, of which each gets its share of the class.
 
-    Each ten samples of a class hold each share to within one sample, and the first samples hold one for each split. The
-    split of a sample depends on its number in the class, not on the size of the class.
+    Each block of samples of a class (see `choose_block`) holds each share to within one sample, and the first samples hold
+    one for each split. The split of a sample depends on its number in the class, not on the size of the class.
 
     Parameters
     ----------
@@ -43,12 +45,32 @@ def assign_splits(seed: int, group: str, number: np.ndarray, val: float, test: f
     -------
     Index in `SPLITS` (sample): 0 for training, 1 for validation, 2 for the test.
     """
-    numbers = packed(np.asarray(number, np.int64))
-    shares = np.empty((len(numbers), 1))  # one random number for each block of a class: the order of its ten samples
-    fill_shares(find_key(seed), numbers // _BLOCK, hash_name(group), hash_name("split"), shares)
+    numbers, block = packed(np.asarray(number, np.int64)), choose_block(val, test)
+    shares = np.empty((len(numbers), 1))  # one random number for each block of a class: the order of its samples
+    fill_shares(find_key(seed), numbers // block, hash_name(group), hash_name("split"), shares)
     splits = np.empty(len(numbers), np.int8)
-    _fill_splits(numbers, shares[:, 0], float(val), float(test), splits)
+    _fill_splits(numbers, block, shares[:, 0], float(val), float(test), splits)
     return splits
+
+
+def choose_block(val: float, test: float) -> int:
+    """Choose the number of consecutive samples of a class that are divided together: ten, or the least that divide exactly.
+
+    So four samples are divided 2/1/1 by shares of a quarter, and twelve 6/3/3.
+
+    Parameters
+    ----------
+    val, test : shares for validation and for the test; the rest trains
+
+    >>> choose_block(0.0, 0.4), choose_block(0.25, 0.25), choose_block(0.33, 0.33), choose_block(0.15, 0.15)
+    (10, 4, 3, 10)
+    """
+    shares = [share for share in (1.0 - val - test, val, test) if share > 0.0]
+    block: int
+    for block in (BLOCK, *range(2, _MOST_BLOCK + 1)):
+        if all(round(share * block) >= 1 and abs(share * block - round(share * block)) <= _WHOLE for share in shares):
+            return block
+    return BLOCK
 
 
 @kernel
@@ -81,26 +103,29 @@ def _fill_places(key: np.ndarray, index: np.ndarray, count: int, variable: int, 
 
 
 @kernel
-def _fill_splits(number: np.ndarray, share: np.ndarray, val: float, test: float, splits: np.ndarray) -> None:
+def _fill_splits(
+    number: np.ndarray, block: int, share: np.ndarray, val: float, test: float, splits: np.ndarray
+) -> None:
     """Write the split of each sample: the labels of its block, in random order.
 
     Parameters
     ----------
     number : (sample) numbers in the class
+    block : samples that are divided together
     share : (sample) random number of the sample's block, from 0 to below 1
     val, test : shares, from 0 to 1
     splits : (sample), written
     """
     held = val + test
     of_held = test / held if held > 0.0 else 0.0
-    counts, labels = np.empty(3, np.int64), np.zeros(_BLOCK, np.int8)
+    counts, labels = np.empty(3, np.int64), np.zeros(block, np.int8)
     for k in range(len(number)):
-        begin = number[k] // _BLOCK * _BLOCK
+        begin = number[k] // block * block
         held_before = int(begin * held + _HALVES_UP)
-        held_after = int((begin + _BLOCK) * held + _HALVES_UP)
+        held_after = int((begin + block) * held + _HALVES_UP)
         counts[2] = int(held_after * of_held + _HALVES_UP) - int(held_before * of_held + _HALVES_UP)
         counts[1] = held_after - held_before - counts[2]
-        counts[0] = _BLOCK - counts[1] - counts[2]
+        counts[0] = block - counts[1] - counts[2]
         first = 0  # samples of the class that are of different splits
         if begin == 0:
             for split in range(3):
@@ -116,7 +141,7 @@ def _fill_splits(number: np.ndarray, share: np.ndarray, val: float, test: float,
                 labels[filled] = split
                 filled += 1
         left = share[k]
-        for high in range(_BLOCK - 1, 0, -1):  # Fisher-Yates, the first samples among themselves
+        for high in range(block - 1, 0, -1):  # Fisher-Yates, the first samples among themselves
             low = first if high >= first else 0
             left *= high - low + 1
             chosen = low + int(left)

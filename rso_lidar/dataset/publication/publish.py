@@ -9,6 +9,7 @@ import numpy as np
 from rso_lidar.dataset.publication.attribution import CROISSANT, Attribution, read_attribution
 from rso_lidar.dataset.publication.card_tables import count_frames
 from rso_lidar.dataset.publication.card_text import CARD
+from rso_lidar.dataset.publication.contest_folder import write_contest
 from rso_lidar.dataset.publication.croissant import write_croissant
 from rso_lidar.dataset.publication.dataset_card import write_card
 from rso_lidar.dataset.publication.frame_index import INDEX, has_parquet, write_frame_index
@@ -23,11 +24,18 @@ _DRAWN = ("range_m", "intensity_counts", "part_class_id", "detection_probability
 
 
 def publish(
-    folder: Path, *, licence: str | None = None, creators: tuple[str, ...] = (), url: str | None = None
+    folder: Path,
+    *,
+    licence: str | None = None,
+    creators: tuple[str, ...] = (),
+    url: str | None = None,
+    hidden_labels: Path | None = None,
+    overwrite: bool = False,
 ) -> list[str]:
     """Write the card, the Croissant description, the table of frames and two pictures into the folder of a dataset.
 
-    A licence, creators or address that are not given stay as an earlier publication stated them.
+    A licence, creators or address that are not given stay as an earlier publication stated them. With `hidden_labels`, write
+    the folder of a contest instead: the dataset with a test split that has no labels.
 
     Parameters
     ----------
@@ -35,6 +43,8 @@ def publish(
     licence : SPDX identifier, such as ``CC-BY-4.0``
     creators : names of persons or groups
     url : web address of the dataset
+    hidden_labels : new folder of a contest, to give away. The labels stay in `folder`, with a key that `score` needs
+    overwrite : whether an earlier folder of a contest may be replaced
 
     Returns
     -------
@@ -44,15 +54,22 @@ def publish(
     Raises
     ------
     DatasetError
-        If the folder is no dataset or holds no frames, a shard is damaged, or an argument is not valid.
+        If the folder is no dataset or holds no frames, a shard is damaged, or an argument is not valid. For a contest, also
+        if its labels follow from what is published.
     RunError
         If writing fails.
     """
     data = Dataset(folder)
     if not data.splits:
         raise DatasetError(f"{folder}: holds no frames yet; make them with --resume")
+    if data.labelled_splits != data.splits:
+        raise DatasetError(
+            f"{folder}: is a contest, whose card was written with it; publish the dataset with the labels"
+        )
     stated = read_attribution(folder)
     attribution = Attribution(licence or stated.licence, creators or stated.creators, url or stated.url)
+    if hidden_labels is not None:
+        return write_contest(data, hidden_labels, attribution, overwrite=overwrite)
     lines, written = [], [CARD, CROISSANT]
     if has_parquet():
         written.append(write_frame_index(data).name)

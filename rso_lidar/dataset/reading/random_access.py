@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rso_lidar.dataset.reading.contest_key import CONTEST_SPLIT, HASHES
 from rso_lidar.dataset.shards.manifest import ShardRecord, read_manifest
 from rso_lidar.dataset.shards.sensor_file import Constants, read_constants
 from rso_lidar.dataset.shards.shard_file import hash_file, open_shard
@@ -92,6 +93,12 @@ class Dataset:
     def splits(self) -> tuple[str, ...]:
         """Names of the splits that hold frames."""
         return tuple(name for name in self.constants.splits if self._records[name])
+
+    @property
+    def labelled_splits(self) -> tuple[str, ...]:
+        """Names of the splits whose frames have labels: all, but for the test of a contest."""
+        hidden = (CONTEST_SPLIT,) if (self.folder / HASHES).is_file() else ()
+        return tuple(name for name in self.splits if name not in hidden)
 
     @property
     def records(self) -> tuple[ShardRecord, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from rso_lidar.dataset.drawing.plan import make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
+from rso_lidar.dataset.reading.contest_key import CONTEST_SPLIT, read_key
 from rso_lidar.dataset.reading.random_access import SPEC_FILE, Dataset
 from rso_lidar.dataset.scoring.ground_truth import COLUMNS, MIN_LIT_PIXELS, FrameTruth
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface
@@ -31,6 +32,7 @@ def score(
     dataset: Dataset | str | os.PathLike[str],
     split: str = "test",
     *,
+    contest: bool = False,
     min_lit_pixels: int = MIN_LIT_PIXELS,
     replicates: int = Scorecard.replicates,
     confidence: float = Scorecard.confidence,
@@ -42,6 +44,8 @@ def score(
     predictions : a CSV, Parquet, NPZ or HDF5 file, or columns by name; several for several training runs of one algorithm
     dataset : an open dataset, or its folder
     split : that is scored; the training split is allowed with a warning
+    contest : whether the predictions name test frames as the published folder of a contest does. The dataset is the one with
+        the labels and the key
     min_lit_pixels : least number of lit pixels of a frame with a target that counts
 
     Other Parameters
@@ -56,19 +60,29 @@ def score(
     Raises
     ------
     DatasetError
-        For predictions that are damaged, of another dataset or of another split.
+        For predictions that are damaged, of another dataset or of another split, and for a contest without its key.
     """
     several = [predictions] if isinstance(predictions, str | os.PathLike | Mapping) else list(predictions)
     if not several:
         raise DatasetError("score: no predictions; give a file")
     opened = dataset if isinstance(dataset, Dataset) else Dataset(dataset)
+    if contest and split != CONTEST_SPLIT:
+        raise DatasetError(f"score: a contest scores the split '{CONTEST_SPLIT}', not '{split}'; leave the split out")
     if split == "train":
         warn("score: the split 'train' is scored; what an algorithm was trained on does not tell how good it is")
     frames = opened.split(split)
+    if split not in opened.labelled_splits:
+        raise DatasetError(
+            f"{opened.folder}: the labels of '{split}' are hidden; send the predictions to those who published it, or score "
+            "by the dataset that has the labels"
+        )
     columns = {name: frames.column(name) for name in COLUMNS}
     truth = FrameTruth.from_columns(columns, opened.classes, opened.models, min_lit_pixels)
     others = {name: opened.split(name).column("sample") for name in opened.splits if name != split}
     keys = np.stack([truth.sample, truth.step, truth.draw], axis=1)
+    if contest:
+        published = read_key(opened.folder).number_frames(truth.sample, truth.draw)
+        keys, others = np.stack([published, truth.step, np.zeros_like(published)], axis=1), {}
     runs: list[tuple[Predictions, np.ndarray]] = []
     for number, source in enumerate(several):
         given = _take_predictions(source, number, opened)

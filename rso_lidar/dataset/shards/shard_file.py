@@ -40,25 +40,39 @@ def write_shard(
     names : of all numbers that the dataset draws
     dataset : hash of the dataset that the shard belongs to
     """
+    rows = list(frames)
+    arrays: dict[str, list[np.ndarray]] = {}
+    for name in specs(LabelledFrame):
+        entries = [getattr(row, name) for row in rows]
+        if entries[0] is not None:
+            arrays[name] = entries
+    for name in names:
+        arrays[VARIABLE_PREFIX + name] = list(np.array([variable.get(name, np.nan) for variable in variables], float))
+    write_arrays(path, arrays, dataset=dataset)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Sequence[np.ndarray]], *, dataset: str) -> None:
+    """Write arrays of frames as a shard, completely or not at all.
+
+    Parameters
+    ----------
+    path : of the file; an existing one is replaced
+    arrays : entries (frame) of arrays of `LabelledFrame` and of drawn numbers, by name
+    dataset : hash of the dataset that the shard belongs to
+    """
     import h5py
 
-    rows = list(frames)
     with write_atomically(path, keep_suffix=False) as draft:
         with h5py.File(draft, "w", libver=("v110", "v110")) as file:
             file.attrs["Conventions"] = CONVENTIONS
             file.attrs["dataset_sha256"] = dataset
-            for name in specs(LabelledFrame):
-                entries = [getattr(row, name) for row in rows]
-                if entries[0] is not None:
-                    _write_array(file, name, entries)
-            for name in names:
-                values = np.array([variable.get(name, np.nan) for variable in variables], float)
-                _write_array(file, VARIABLE_PREFIX + name, list(values))
+            for name, entries in arrays.items():
+                _write_array(file, name, entries)
         with draft.open("rb") as written:  # before the rename, so that a crash of the machine leaves no partial shard
             os.fsync(written.fileno())
 
 
-def _write_array(file: Any, name: str, entries: list[np.ndarray]) -> None:
+def _write_array(file: Any, name: str, entries: Sequence[np.ndarray]) -> None:
     """Write one array of a shard."""
     spec = describe_array(name)
     if len(spec.dims) == _IMAGE_DIMENSIONS:

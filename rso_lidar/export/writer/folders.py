@@ -19,6 +19,7 @@ MARK = "rso_lidar_version"  # with this in it
 _OURS = re.compile(
     r"source\.json|frames\.jsonl|camera\.json|zarr\.json|metadata\.yaml|.+_0\.mcap|000000|\d{6,}\.(pcd|ply)"
     r"|dataset_export\.json|images|annotations|(train|val|test)-\d{6}\.(tar|tfrecord)"
+    r"|README\.md|labels\.sha256|test_frames\.csv|(dataset|scenario)\.toml|manifest\.jsonl|sensor\.h5(\.sha256)?|train|val|test"
 )
 
 

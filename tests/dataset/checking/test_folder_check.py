@@ -9,6 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.dataset import check_folder
+from rso_lidar.dataset.checking import folder_check
 from tests.dataset.bench_for_tests import make_spec
 from tests.dataset.written_for_tests import make_dataset, make_frame
 
@@ -25,6 +26,11 @@ def test_a_changed_byte_and_a_missing_shard_are_found(made, tmp_path):
     first, second = sorted(folder.glob("*/*.h5"))[:2]
     data = bytearray(first.read_bytes())
     data[len(data) // 2] ^= 4
+    first.write_bytes(data)
+    assert not check_folder(folder, quick=True).problems  # which compares sizes only
+    first.write_bytes(data[:-1])
+    quick = check_folder(folder, quick=True)
+    assert "differs from its size" in quick.problems[0] and "no frame was made again" in quick.describe()
     first.write_bytes(data)
     second.unlink()
     problems = check_folder(folder, samples=2).problems
@@ -58,7 +64,11 @@ def test_a_specification_that_was_changed_is_a_problem(made, tmp_path):
     assert found.statistics is not None and f"problem: {problem}" in found.describe()
 
 
-def test_classes_that_follow_from_the_number_of_the_sample_are_found(tmp_path):
+def test_classes_that_follow_from_the_number_of_the_sample_are_found(tmp_path, monkeypatch):
+    leaks = ("seed tells the class: so it does",)
+    monkeypatch.setattr(folder_check, "has_forest", lambda: True)
+    monkeypatch.setattr(folder_check, "search_fields", lambda _: leaks)
+
     def make_cyclic(number):
         return replace(make_frame(number), class_id=np.array(number // 2 % 3))
 
@@ -71,7 +81,10 @@ def test_classes_that_follow_from_the_number_of_the_sample_are_found(tmp_path):
     assert [line.partition(" tells")[0] for line in found.order_leaks] == [f"the {order}" for order in orders]
     said = "its number modulo 3 predicts it in 100% of 60 samples, and the most frequent class is right in 33%"
     assert said in found.order_leaks[0]
-    assert f"warning: {found.order_leaks[0]}" in found.describe()
+    assert f"warning: {found.order_leaks[0]}" in found.describe() and f"warning: {leaks[0]}" in found.describe()
+    monkeypatch.setattr(folder_check, "has_forest", lambda: False)
+    without = check_folder(folder)
+    assert without.field_leaks is None and "not tested" in without.describe()
 
 
 @pytest.mark.parametrize(

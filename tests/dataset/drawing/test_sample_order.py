@@ -46,6 +46,17 @@ def test_forty_samples_are_divided_by_their_shares(val, test, expected):
         assert len({*splits[:kinds].tolist()}) == kinds  # a class of so few samples is in all splits
 
 
+def test_twelve_samples_of_a_class_are_divided_six_three_three():
+    for seed in range(20):
+        splits = assign_splits(seed, "a", np.arange(13), 0.25, 0.25)
+        assert [np.bincount(splits[:size], minlength=3).tolist() for size in (4, 8, 12)] == [
+            [2, 1, 1],
+            [4, 2, 2],
+            [6, 3, 3],
+        ]
+        assert np.array_equal(assign_splits(seed, "a", np.arange(200), 0.25, 0.25)[:13], splits)  # a class that grows
+
+
 def test_which_samples_are_tested_is_random():
     seeds = 2000
     tested = np.array([assign_splits(seed, "a", np.arange(20), 0.0, 0.4) == 2 for seed in range(seeds)])

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -35,6 +37,25 @@ def test_killed_workers_lose_nothing(made, tmp_path):
             time.sleep(0.05)
     assert killed and hashes(tmp_path / "made") == hashes(dataset.folder)
     assert not list((tmp_path / "made").glob("**/*.part*"))
+
+
+RAISING = """
+from rso_lidar.processes import open_dask_client
+
+if __name__ == "__main__":
+    with open_dask_client("local", 1) as client:
+        assert client.get_executor().submit(int, "one").exception() is not None
+"""
+
+
+@pytest.mark.slow
+def test_dask_prints_nothing_of_what_a_call_raises(tmp_path):
+    pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
+    (tmp_path / "script.py").write_text(RAISING)
+    ended = subprocess.run(
+        [sys.executable, tmp_path / "script.py"], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert ended.returncode == 0 and not ended.stdout + ended.stderr
 
 
 def test_a_scheduler_that_does_not_answer(made, tmp_path, monkeypatch):
