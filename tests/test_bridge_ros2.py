@@ -1,12 +1,15 @@
 """The ROS 2 node: its bytes, made with rosbags, are read by mcap_ros2. The node itself needs ROS and is only compiled."""
 
+import ast
 import importlib.util
 import json
+import re
 import runpy
 import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -22,7 +25,9 @@ pytest.importorskip("rosbags.typesys", reason="needs rosbags: pip install rosbag
 mcap = pytest.importorskip("mcap_ros2.decoder", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
-FOLDER = EXAMPLES / "bridges" / "ros2"
+PACKAGE = EXAMPLES / "bridges" / "ros2" / "rso_lidar_ros"
+MESSAGES = EXAMPLES / "bridges" / "ros2" / "rso_lidar_msgs"
+FOLDER = PACKAGE / "rso_lidar_ros"
 SMALL = (
     "time.duration_s=2",
     *limit_pixels(16, 1),
@@ -200,6 +205,62 @@ def test_a_scenario_that_is_not_there_is_one_line(example, monkeypatch, tmp_path
     monkeypatch.setattr(sys, "argv", ["messages.py", str(tmp_path / "none.toml")])
     with pytest.raises(SystemExit, match=r"^messages\.py: .*none\.toml.*$"):
         example.main()
+
+
+def test_a_flash_is_told_by_the_message_of_the_package(example, scenario):
+    lidar = example.SteppedLidar(scenario, 0.1, definitions=MESSAGES / "msg")
+    (data,) = [data for topic, kind, data in lidar.step() if (topic, kind) == ("/lidar/flash", example.FLASH)]
+    message, frame = lidar.types.deserialize_cdr(data, example.FLASH), next(rl.simulate(scenario, frames=[0]))
+    assert (message.index, message.header.frame_id) == (0, "lidar")
+    assert message.returns == frame.valid.sum() and message.saturated == frame.observation.reading.saturated.sum()
+    assert dict(zip(message.setting_names, message.setting_values, strict=True)) == dict(frame.observation.settings)
+    assert not [topic for topic, *_ in example.SteppedLidar(scenario, 0.1).step() if topic == "/lidar/flash"]
+
+
+def test_the_packages_state_what_they_hold():
+    """The name in package.xml is that of its folder, and what the code imports is among its dependencies."""
+    for folder in (PACKAGE, MESSAGES):
+        tree = ElementTree.parse(folder / "package.xml").getroot()
+        assert (tree.get("format"), tree.findtext("name")) == ("3", folder.name)
+        assert tree.findtext("license") == "MIT" and tree.find("maintainer").get("email")
+        assert tree.findtext("export/build_type") == {PACKAGE: "ament_python", MESSAGES: "ament_cmake"}[folder]
+    needed = {node.text for node in ElementTree.parse(PACKAGE / "package.xml").getroot().iter("exec_depend")}
+    code = ast.parse((FOLDER / "node.py").read_text(encoding="utf-8"))
+    imported = {node.module.partition(".")[0] for node in ast.walk(code) if isinstance(node, ast.ImportFrom)}
+    imported |= {alias.name for node in ast.walk(code) if isinstance(node, ast.Import) for alias in node.names}
+    assert {name for name in imported if name not in sys.stdlib_module_names} <= needed
+    assert 'rosidl_generate_interfaces(${PROJECT_NAME} "msg/Flash.msg"' in (MESSAGES / "CMakeLists.txt").read_text()
+    setup = (PACKAGE / "setup.py").read_text()
+    assert all((PACKAGE / name).exists() for name in ("resource/rso_lidar_ros", "launch/lidar.launch.py", "setup.cfg"))
+    assert 'f"node = {NAME}.node:main"' in setup
+
+
+def test_the_launch_file_gives_the_node_all_its_parameters(monkeypatch):
+    """With stand-ins for `launch` and `launch_ros`, which keep what they are given."""
+
+    def keep(*given, **named):
+        return given, named
+
+    for name in ("launch", "launch.actions", "launch.substitutions", "launch_ros", "launch_ros.actions"):
+        monkeypatch.setitem(sys.modules, name, SimpleNamespace())
+    sys.modules["launch"].LaunchDescription = list
+    sys.modules["launch.actions"].DeclareLaunchArgument = keep
+    sys.modules["launch.substitutions"].LaunchConfiguration = sys.modules["launch_ros.actions"].Node = keep
+    stand_in = SimpleNamespace(ParameterValue=keep)
+    monkeypatch.setitem(sys.modules, "launch_ros.parameter_descriptions", stand_in)
+    launched = runpy.run_path(str(PACKAGE / "launch" / "lidar.launch.py"))["generate_launch_description"]()
+    *arguments, (_, node) = launched
+    assert (node["package"], node["executable"]) == ("rso_lidar_ros", "node")
+    text = (FOLDER / "node.py").read_text(encoding="utf-8")
+    declared = dict(re.findall(r'declare_parameter\("(\w+)", (.+?)\)', text))
+    assert set(node["parameters"][0]) == set(declared) and [given for given, _ in arguments] == [
+        ("scenario",),
+        *[(name,) for name in node["parameters"][0]],
+    ]
+    for (name,), named in arguments[1:]:
+        kind = node["parameters"][0][name][1]["value_type"]
+        assert type(ast.literal_eval(declared[name])) is kind
+        assert str(ast.literal_eval(declared[name])).lower() == named["default_value"]
 
 
 def test_the_node_compiles_and_its_error_names_rclpy():

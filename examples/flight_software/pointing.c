@@ -2,7 +2,8 @@
  *
  *   cc -std=c99 -Wall -Wextra -O2 pointing.c -o pointing -lzmq -lm
  *   rso-lidar serve tumbling_stage.toml &
- *   ./pointing tcp://127.0.0.1:5571
+ *   ./pointing tcp://127.0.0.1:5571           (heads of replies in JSON)
+ *   ./pointing tcp://127.0.0.1:5571 struct    (heads of replies as structures, for processors without a JSON parser)
  *
  * zmq.h is in libzmq3-dev (Debian, Ubuntu), zeromq-devel (Fedora) or zeromq (Homebrew).
  *
@@ -17,6 +18,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <zmq.h>
+
+#include "struct_head.h"
 
 #define MOST_PARTS 64
 #define TIMEOUT_MS 60000
@@ -89,6 +92,7 @@ struct reply {
     zmq_msg_t parts[MOST_PARTS];
     int count;
     const char *header, *end;
+    const struct rso_head *head; /* NULL where the head is JSON */
 };
 
 static long long sequence;
@@ -119,6 +123,12 @@ static void ask(void *socket, struct reply *reply, const char *kind, const char 
     if (more_follow) fail(kind, "the reply has more parts than this program takes");
     reply->header = zmq_msg_data(&reply->parts[0]);
     reply->end = reply->header + zmq_msg_size(&reply->parts[0]);
+    reply->head = NULL;
+    if (zmq_msg_size(&reply->parts[0]) >= sizeof(struct rso_head) && !memcmp(reply->header, "RSOL", 4)) {
+        reply->head = (const struct rso_head *)reply->header;
+        if (!(reply->head->flags & RSO_OK)) fail(kind, reply->header + reply->head->error_at);
+        return;
+    }
     if (!is_true(find_key(reply->header, reply->end, "ok"))) {
         const char *error = find_key(reply->header, reply->end, "error");
         const char *message = error ? find_key(error, reply->end, "message") : NULL;
@@ -130,6 +140,16 @@ static void ask(void *socket, struct reply *reply, const char *kind, const char 
 
 /* Return the values of an array of a reply and its number of values, or NULL. The bytes are little-endian, as here. */
 static const void *find_array(struct reply *reply, const char *name, const char *dtype, size_t *count) {
+    if (reply->head) {
+        const struct rso_array *arrays = (const struct rso_array *)(reply->head + 1);
+        for (uint32_t k = 0; k < reply->head->n_arrays; k++) {
+            if (strcmp(reply->header + arrays[k].name_at, name)) continue;
+            if (strncmp(arrays[k].dtype, dtype, 4)) fail(name, "has another dtype");
+            *count = zmq_msg_size(&reply->parts[arrays[k].part]) / (size_t)(dtype[2] - '0');
+            return zmq_msg_data(&reply->parts[arrays[k].part]);
+        }
+        return NULL;
+    }
     const char *entry = find_key(reply->header, reply->end, "arrays");
     if (!entry) return NULL;
     entry = skip_blanks(entry + 1, reply->end);
@@ -143,6 +163,17 @@ static const void *find_array(struct reply *reply, const char *name, const char 
         if (entry < reply->end && *entry == ',') entry = skip_blanks(entry + 1, reply->end);
     }
     return NULL;
+}
+
+static int is_over(struct reply *reply) {
+    if (reply->head) return !!(reply->head->flags & RSO_OVER);
+    return is_true(find_key(reply->header, reply->end, "is_over"));
+}
+
+/* Return the time of the flash of a reply that holds a reading [s]. */
+static double find_time_s(struct reply *reply) {
+    if (reply->head) return 1e-9 * (double)reply->head->t_emission_ns;
+    return strtod(find_key(find_key(reply->header, reply->end, "frame"), reply->end, "time_s"), NULL);
 }
 
 /* ---- the controller ------------------------------------------------------------------------------------------------ */
@@ -177,7 +208,7 @@ int main(int argc, char **argv) {
     if (zmq_connect(socket, argc > 1 ? argv[1] : "tcp://127.0.0.1:5571")) fail("connect", zmq_strerror(errno));
 
     struct reply reply;
-    ask(socket, &reply, "hello", "\"version\": 1, \"client\": \"pointing.c\"");
+    ask(socket, &reply, "hello", "\"version\": 1, \"client\": \"pointing.c\", \"head\": \"%s\"", argc > 2 ? argv[2] : "json");
     release(&reply);
 
     double *sight = NULL, pan_rad = 0.0, tilt_rad = 0.0;
@@ -189,7 +220,7 @@ int main(int argc, char **argv) {
             ask(socket, &reply, "step", "\"command\": {\"pan_rad\": %.17g, \"tilt_rad\": %.17g}", pan_rad, tilt_rad);
         else
             ask(socket, &reply, "step", "%s", "");
-        int is_over = is_true(find_key(reply.header, reply.end, "is_over"));
+        int was_last = is_over(&reply);
         size_t count, angles;
         const double *new_sight = find_array(&reply, "line_of_sight", "<f8", &count);
         if (new_sight) { /* it comes with the first reading, and when the lens changes */
@@ -204,8 +235,7 @@ int main(int argc, char **argv) {
         double toward[3];
         if (range_m && measured && sight && count == pixels) { /* a lost reading has none, and the last command stays */
             size_t returns = find_target(range_m, sight, pixels, sorted, toward);
-            const char *frame = find_key(reply.header, reply.end, "frame");
-            double time_s = strtod(find_key(frame, reply.end, "time_s"), NULL);
+            double time_s = find_time_s(&reply);
             if (returns) {
                 /* PTU axes at the measured angles: x ahead, y left, z up. First turn by tilt, then by pan. */
                 double x = toward[2], y = -toward[0], z = -toward[1];
@@ -221,7 +251,7 @@ int main(int argc, char **argv) {
             }
         }
         release(&reply);
-        if (is_over) break;
+        if (was_last) break;
     }
     ask(socket, &reply, "shutdown", "%s", "");
     release(&reply);

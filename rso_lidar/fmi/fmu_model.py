@@ -31,10 +31,13 @@ class FmuModel(Part):
     input_units: ClassVar[dict[str, tuple[str, int]]] = {}
     output_units: ClassVar[dict[str, tuple[str, int]]] = {}
     optional_names: ClassVar[frozenset[str]] = frozenset()
+    preferred_interface: ClassVar[str] = "co_simulation"  # of an FMU that has both
 
     file: Text = Field(description="The FMU.")
     interface: Literal["co_simulation", "model_exchange"] | None = Field(
-        default=None, description="Interface of the FMU to use. If omitted, co-simulation where the FMU has it."
+        default=None,
+        description="Interface of the FMU to use. If omitted, that which the FMU has; of both, model exchange for a motion "
+        "or an attitude, and co-simulation for a drive or a controller.",
     )
     inputs: dict[str, Text | tuple[Text, ...]] = Field(
         default={},
@@ -74,7 +77,8 @@ class FmuModel(Part):
         run = FmuRun(path)
         description = run.description
         interfaces = description["interfaces"]
-        interface = self.interface or (interfaces[0] if interfaces else "")
+        own = self.preferred_interface if self.preferred_interface in interfaces else next(iter(interfaces), "")
+        interface = self.interface or own
         if interface not in interfaces:
             raise ScenarioError(
                 f"{path.name}: the FMU has no interface {interface or 'that can be run'} (it has "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -16,7 +17,10 @@ from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.simulation.first_start import compile_ahead
 from rso_lidar.simulation.laser_flash import assemble_frame, check_kept, flash
 from rso_lidar.simulation.stepping import Moment, Simulation, check_count
-from rso_lidar.track import Controller
+from rso_lidar.track import Controller, FastController
+from rso_lidar.units import NS_PER_S
+
+_SAME_PERIOD = 1e-3  # of the time between commands: an instant rounded to 1 ns belongs to the command due then
 
 
 def simulate(
@@ -28,6 +32,7 @@ def simulate(
     workers: int | None = None,
     executor: Executor | None = None,
     keep: Iterable[str] = (),
+    command_rate_hz: float | None = None,
 ) -> Iterator[Frame]:
     """Simulate a scenario and yield one frame per laser flash.
 
@@ -45,6 +50,8 @@ def simulate(
     keep : names of intermediate records to leave in ``frame.kept``: rays, hits, signal, photons, taps, waveforms,
         oversampled, prediction. ``signal`` is the photons without stray light, which the labels describe. ``taps`` holds the
         signals between the stages of the detector, ``prediction`` the probability and the scatter of each pixel's report
+    command_rate_hz : rate of commands between the flashes [Hz], from t = 0, of a controller that is a `FastController`
+        (None: one command for each flash)
 
     Yields
     ------
@@ -67,18 +74,36 @@ def simulate(
     if controller is not None and (workers is not None or executor is not None):
         raise ScenarioError("simulate: under a controller each frame waits for the one before; leave out workers")
     require_scenario(scenario, "simulate")
+    period_ns = _check_rate(command_rate_hz, controller)
     chosen: dict[str, Any] = {"threads": threads, "keep": check_kept(keep, scenario)}
     if controller is not None:
-        return _fly_controlled(scenario, controller, **chosen)
+        return _fly_controlled(scenario, controller, period_ns, **chosen)
     scenario.time.choose_frames(frames)  # frames that do not exist are an error now, and not at the first frame
     return _fly(scenario, workers, executor, frames=frames, **chosen)
 
 
-def _fly_controlled(scenario: Scenario, controller: Controller, **chosen: Any) -> Iterator[Frame]:
+def _check_rate(rate_hz: float | None, controller: Controller | None) -> float | None:
+    """Return the time between commands [ns], or None for one command for each flash."""
+    if rate_hz is None:
+        return None
+    if not isinstance(rate_hz, int | float) or isinstance(rate_hz, bool) or not 1e-6 <= rate_hz <= 1e6:
+        raise ScenarioError(f"command_rate_hz: {rate_hz!r:.40} is no rate; give Hz from 1e-6 to 1e6")
+    if not isinstance(controller, FastController):
+        raise ScenarioError(
+            f"command_rate_hz: the controller {controller!r:.60} has no method command_at(time_s, samples); add it, or "
+            "leave the rate out"
+        )
+    return NS_PER_S / rate_hz
+
+
+def _fly_controlled(
+    scenario: Scenario, controller: Controller, period_ns: float | None, **chosen: Any
+) -> Iterator[Frame]:
     """Yield the frames of a run under a controller.
 
     Parameters
     ----------
+    period_ns : time between commands [ns]; None for one command for each flash
     chosen : further arguments of `Simulation`
     """
     simulation = Simulation(scenario, **chosen)
@@ -86,9 +111,22 @@ def _fly_controlled(scenario: Scenario, controller: Controller, **chosen: Any) -
     while not simulation.is_over:
         frame = simulation.step(command)
         yield frame
-        command = controller(frame.observation)  # the only feedback there is
-        if command is not None and not isinstance(command, Command):
-            raise ScenarioError(f"simulate: the controller returned {command!r:.60}; it returns a Command or None")
+        command = _check_command(controller(frame.observation))  # the only feedback there is
+        while period_ns is not None and (next_s := simulation.next_flash_s) is not None:
+            now_ns = round(simulation.time_s * NS_PER_S)
+            due_ns = round((math.floor(now_ns / period_ns + _SAME_PERIOD) + 1) * period_ns)
+            if due_ns >= round(next_s * NS_PER_S):
+                break
+            simulation.step(command, dt_s=(due_ns - now_ns) / NS_PER_S)
+            assert isinstance(controller, FastController)
+            command = _check_command(controller.command_at(simulation.time_s, simulation.samples))
+
+
+def _check_command(command: Command | None) -> Command | None:
+    """Return what a controller returned if it is a command or None."""
+    if command is not None and not isinstance(command, Command):
+        raise ScenarioError(f"simulate: the controller returned {command!r:.60}; it returns a Command or None")
+    return command
 
 
 def _fly(scenario: Scenario, workers: int | None, executor: Executor | None, **chosen: Any) -> Iterator[Frame]:

@@ -6,7 +6,7 @@ from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
     from rso_lidar.track.centroid import Fix, locate_centroid, select_target_points
-    from rso_lidar.track.controller import Controller
+    from rso_lidar.track.controller import Controller, FastController
     from rso_lidar.track.kalman import Track, filter_positions, nis_bounds
     from rso_lidar.track.least_squares.estimated_orbit import EstimatedOrbit
     from rso_lidar.track.least_squares.fit_statistics import FitStatistics
@@ -32,6 +32,7 @@ __all__ = [
     "Alignment",
     "Controller",
     "EstimatedOrbit",
+    "FastController",
     "FitStatistics",
     "Fix",
     "GnssErrors",

@@ -1,10 +1,11 @@
-"""The protocol of controllers, which turn an observation into a command."""
+"""The protocols of controllers, which turn an observation into a command, and may command between the flashes too."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
-from rso_lidar.records import Command, Observation
+from rso_lidar.records import Command, Observation, SensorSamples
 
 
 @runtime_checkable
@@ -21,4 +22,22 @@ class Controller(Protocol):
         Parameters
         ----------
         observation : time, reading, line of sight, measured pan and tilt, and settings of the flash
+        """
+
+
+@runtime_checkable
+class FastController(Controller, Protocol):
+    """Protocol of controllers that also command between the flashes, as ``simulate(..., command_rate_hz=50)`` asks them to.
+
+    Such a controller is called after each flash as any other, and its command acts from then on until the next command.
+    `Pointing` and `FmuController` are examples.
+    """
+
+    def command_at(self, time_s: float, samples: Mapping[str, SensorSamples]) -> Command | None:
+        """Return the command that acts from now until the next command; None, or a field that is None, is the scenario's.
+
+        Parameters
+        ----------
+        time_s : present time [s since start_utc]
+        samples : samples of the other sensors that became available since the command before, by name
         """

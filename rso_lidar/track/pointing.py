@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import Mount, lidar_from_ptu
-from rso_lidar.records import Command, Observation, Reading
+from rso_lidar.records import Command, Observation, Reading, SensorSamples
 
 
 class Pointing:
@@ -19,8 +20,9 @@ class Pointing:
     `min_pixels`.
 
     The mean direction of the target and the measured pan and tilt give its angles. An alpha-beta filter tracks them,
-    with expanding memory in the first steps and beta by Benedict and Bordner 1962. The demand leads by one flash,
-    because it acts until the next. A constant misalignment between encoders and boresight cancels.
+    with expanding memory in the first steps and beta by Benedict and Bordner 1962. The demand leads by the time since the
+    call before, because it acts until the next. Between flashes, `command_at` extrapolates the angles. A constant
+    misalignment between encoders and boresight cancels.
 
     Parameters
     ----------
@@ -63,13 +65,32 @@ class Pointing:
         time_s, measured = observation.time_s, observation.pan_tilt_rad
         if measured is None:
             raise ScenarioError("Pointing: the observation has no pan and tilt; give the scenario a [ptu]")
-        interval_s = time_s - self._called_s if self._called_s < time_s else 0.0
-        self._called_s = time_s
         seen = find_cluster(observation.reading, self.gate_m, self.min_pixels)
         if seen.any():
             toward = observation.line_of_sight[seen].mean(axis=0)
             self._update(time_s, self._aim(self._ptu_from_lidar.apply(toward), *measured.tolist()), measured)
-        elif not self._seen or time_s - self._time_s > self.coast_s:
+        return self._lead(time_s)
+
+    def command_at(self, time_s: float, samples: Mapping[str, SensorSamples]) -> Command:
+        """Return the command between flashes, as `FastController.command_at`, from the angles and rates of the last flash.
+
+        Parameters
+        ----------
+        time_s : present time [s]
+        samples : not used
+
+        Returns
+        -------
+        Command
+            Empty without a target, or if it has been lost for longer than `coast_s`
+        """
+        return self._lead(time_s)
+
+    def _lead(self, time_s: float) -> Command:
+        """Return the command for the time until the next call, which is as long as that since the last."""
+        interval_s = time_s - self._called_s if self._called_s < time_s else 0.0
+        self._called_s = time_s
+        if not self._seen or time_s - self._time_s > self.coast_s:
             self._forget()
             return Command()
         ahead = self._angle + self._rate * (time_s - self._time_s + interval_s + self.lead_s)

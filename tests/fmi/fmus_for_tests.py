@@ -52,6 +52,23 @@ class SecondOrder(Fmi2Slave):
         self.state.update({axis: list(values) for axis, values in saved["state"].items()})
 '''
 
+OSCILLATOR = '''
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+class Oscillator(Fmi2Slave):
+    """An oscillator of 1 rad/s by explicit Euler steps of the length of the communication steps."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.x, self.v = 1.0, 0.0
+        for name in "xv":
+            self.register_variable(Real(name, causality=Fmi2Causality.output))
+
+    def do_step(self, time, step):
+        self.x, self.v = self.x + step * self.v, self.v - step * self.x
+        return True
+'''
+
 
 def compile_reference(folder, model, version):
     """Compile a Reference FMU and return its path; without a C compiler for this platform the test is skipped."""
@@ -87,3 +104,12 @@ def build_drive(folder, *, can_restore=True, fail="True"):
     options = {"canGetAndSetFMUstate": can_restore, "canSerializeFMUstate": can_restore}
     built = FmuBuilder.build_FMU(source, dest=folder / f"{source.stem}.fmu", **options)
     return Path(built)
+
+
+def build_oscillator(folder):
+    """Build the oscillator as an FMU for co-simulation by pythonfmu."""
+    from pythonfmu import FmuBuilder
+
+    source = folder / "oscillator.py"
+    source.write_text(OSCILLATOR)
+    return Path(FmuBuilder.build_FMU(source, dest=folder / "oscillator.fmu"))

@@ -21,7 +21,7 @@ from rso_lidar.fmi import host, run
 from rso_lidar.mission_analysis import fly_open_loop, timeline
 from rso_lidar.motion import FmuAttitude, FmuDrive, FmuMotion
 from rso_lidar.motion.dynamics.fmu_history import FmuHistory
-from tests.fmi.fmus_for_tests import build_drive, compile_reference, write_fmu
+from tests.fmi.fmus_for_tests import build_drive, build_oscillator, compile_reference, write_fmu
 from tests.settings_for_tests import limit_pixels
 
 pytest.importorskip("fmpy", reason="the extra `fmi` is not installed")
@@ -154,6 +154,28 @@ def test_the_reference_ball_bounces_as_in_closed_form(folder, version):
         smooth = np.array([0, 1, 2, 4, 5])  # not the step with the bounce in it, which a cubic smooths
         assert np.abs(place.position_m[:, 2] - height)[smooth].max() < within
         assert np.abs(place.velocity_m_s[:, 2] - speed)[smooth].max() < 5.0 * within
+        grid_s = np.arange(int(T / 0.01)) * 0.01
+        wrong_m = np.abs(motion.fly_open_loop()(grid_s)[:, 2] - (1.0 - 0.5 * G * grid_s**2))  # until the bounce
+        steps = motion.compare_steps(float(grid_s[-1]))
+        assert np.abs(steps.flown - steps.compared)[:, 2] == pytest.approx(wrong_m, abs=1e-9)
+    assert "at 1." in motion.advise(2.0)[0] and "its model exchange differ by 0.02" in motion.advise(2.0)[0]
+    freely = motion.replace(interface=None)
+    assert freely.fly_open_loop().interface == "model_exchange" and not freely.advise(2.0)
+
+
+def test_half_the_steps_estimate_the_error_of_an_fmu_without_model_exchange(tmp_path):
+    """Explicit Euler steps h of an oscillator x'' = -x: the amplitude grows as (1 + h^2)^(t / 2h), by h t / 2 at first."""
+    motion = FmuMotion(
+        file=str(build_oscillator(tmp_path)),
+        axes="local",
+        step_s=0.01,
+        outputs={"position_m": (50.0, 0.0, "x"), "velocity_m_s": (0.0, 0.0, "v")},
+        units={"x": "m", "v": "m/s"},
+    )
+    (line,) = motion.advise(2.0 * np.pi)
+    h, t = 0.01, 6.28
+    expected = np.sqrt(1.0 + h**2) ** (t / h) - np.sqrt(1.0 + (h / 2) ** 2) ** (2.0 * t / h)
+    assert f"the co-simulation of the FMU and steps of 0.005 s differ by {expected:.2g} m at 6." in line
 
 
 def built_in_start():

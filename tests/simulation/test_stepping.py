@@ -1,6 +1,7 @@
 """A scenario flown step by step: the same bits as in one go, and commands between the flashes."""
 
 import dataclasses
+import itertools
 import pickle
 from pathlib import Path
 
@@ -102,6 +103,46 @@ def test_steps_make_the_frames_of_a_run(name, controller, request):
                 command = controller(frame.observation)
         for one, two in zip(fine[2:], again, strict=True):
             same(one, two)
+
+
+class Fast:
+    """A controller that keeps the instants of its calls, and commands a ramp of 0.1 rad/s."""
+
+    def __init__(self):
+        self.flashes, self.between = [], []
+
+    def __call__(self, observation):
+        self.flashes.append(observation.time_s)
+        return rl.Command(pan_rad=0.1 * observation.time_s)
+
+    def command_at(self, time_s, samples):
+        self.between.append(time_s)
+        assert 0 < len(samples["imu"].time_s) <= 4
+        return rl.Command(pan_rad=0.1 * time_s)
+
+
+def test_a_fast_controller_commands_between_the_flashes(pointed):
+    scenario = pointed.replace(sensor=[{"name": "imu", "type": "gyro", "rate_hz": 40.0}])
+    controller = Fast()
+    frames = list(itertools.islice(rl.simulate(scenario, controller, threads=1, command_rate_hz=10), 3))
+    assert controller.flashes == [frame.time_s for frame in frames[:2]]  # the third has not been answered yet
+    grid_s = 0.1 * np.arange(1, round(10 * frames[-1].time_s) + 1)
+    flashes_s = np.array([frame.time_s for frame in frames])
+    assert controller.between == pytest.approx(grid_s[np.abs(grid_s[:, None] - flashes_s).min(axis=1) > 1e-6], abs=1e-9)
+    simulation, pan_rad = rl.Simulation(scenario, threads=1), None
+    for frame in frames:  # a command acts from its instant until the next
+        for time_s in [t for t in controller.between if simulation.time_s < t < frame.time_s]:
+            simulation.step(rl.Command(pan_rad=pan_rad), dt_s=time_s - simulation.time_s)
+            pan_rad = 0.1 * time_s
+        same(frame, simulation.step(rl.Command(pan_rad=pan_rad)))
+        pan_rad = 0.1 * frame.time_s
+    for rate_hz, by, error in (
+        (0.0, controller, "give Hz from 1e-6 to 1e6"),
+        (10, steer, r"has no method command_at\(time_s, samples\); add it"),
+        (10, None, "has no method command_at"),
+    ):
+        with pytest.raises(ScenarioError, match=error):
+            rl.simulate(pointed, by, command_rate_hz=rate_hz)
 
 
 def test_reset_flies_again_with_another_seed(pointed):

@@ -38,7 +38,7 @@ def turned(pan, tilt):
     return Rotation.from_euler("ZY", [pan, -tilt])
 
 
-def fly(controller, target, *, seconds, rate_hz=10.0, ptu=None, seed=1, mount=None, blind=()):
+def fly(controller, target, *, seconds, rate_hz=10.0, ptu=None, seed=1, mount=None, blind=(), command_rate_hz=None):
     """Return the angle [rad] between boresight and target at each flash; `target(time_s)` gives pan and tilt [rad]."""
     ptu = ptu or Ptu(response=SecondOrder(natural_hz=4, damping=0.7, max_rate_deg_s=30))
     demand = FixedPoint().demand
@@ -54,6 +54,10 @@ def fly(controller, target, *, seconds, rate_hz=10.0, ptu=None, seed=1, mount=No
         hidden = any(low <= time_s < high for low, high in blind)
         reading = seen(np.array([0.0, 0.0, -1.0]) if hidden else direction, rng)
         command = controller(observe(time_s, reading, pointing.measured_rad)) if controller else None
+        for j in range(1, round((command_rate_hz or 0) / rate_hz)):
+            between_s = time_s + j / command_rate_hz
+            head = step(ptu, head, demand, between_s, command)
+            command = controller.command_at(between_s, {})
     return np.array(off)
 
 
@@ -78,6 +82,25 @@ def test_without_it_a_drifting_target_is_lost_and_with_it_held():
     assert fly(None, drift, seconds=10)[-1] > FOV / 2  # 3 deg away: out of the field
     off = fly(Pointing(), drift, seconds=300, rate_hz=5)
     assert off[5:].max() < 0.2 * FOV
+
+
+def test_commands_between_the_flashes_take_the_stairs_out_of_the_demand():
+    """A second-order drive lags a ramp by 2 damping / omega; with one command for each flash it is at rest, and leads."""
+    ptu = Ptu(response=SecondOrder(natural_hz=2.0, damping=0.7))
+    lead_s = 2.0 * 0.7 / (2.0 * np.pi * 2.0)
+    stairs, ramp = (
+        fly(
+            Pointing(lead_s=lead_s),
+            lambda time_s: (0.3 * DEG * time_s, 0.0),
+            seconds=60,
+            rate_hz=1.0,
+            ptu=ptu,
+            command_rate_hz=rate_hz,
+        )[30:].mean()
+        for rate_hz in (None, 100.0)
+    )
+    assert stairs == pytest.approx(0.3 * DEG * lead_s, rel=0.1)
+    assert ramp < 0.25 * stairs  # the noise of the filtered angles
 
 
 def test_misalignment_jitter_and_encoder_noise_are_lived_with():

@@ -5,8 +5,8 @@ ROS 2, core Flight System and Basilisk
 Three short programs in `examples/bridges` connect a simulation to other frameworks. They need those frameworks, so
 that this page does not run them: it shows what they exchange, and runs what needs rso_lidar only.
 
-- **ROS 2** (`examples/bridges/ros2`): a node with the topics of our MCAP files. `node.py` runs in the Python of ROS
-  and exchanges bytes with a process that holds the simulation.
+- **ROS 2** (`examples/bridges/ros2`): packages for colcon. A node has the topics of our MCAP files; `node.py` runs in the
+  Python of ROS and exchanges bytes with a process that holds the simulation.
 - **cFS** (`examples/bridges/cfs`): readings as CCSDS space packets over UDP, telecommands back, and the telemetry
   described as XTCE.
 - **Basilisk** (`examples/bridges/basilisk`): two spacecraft of Basilisk, one of which carries the lidar as a module.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.fmi import FmuModel, FmuPoint
 from rso_lidar.loop.fmus.instrument import MEASURED, measure
-from rso_lidar.records import Command, Observation
+from rso_lidar.records import Command, Observation, SensorSamples
 
 
 class ControllerModel(FmuModel):
@@ -25,23 +26,25 @@ class ControllerModel(FmuModel):
 
 
 class ControllerState(NamedTuple):
-    """State of an FMU's controller: flashes since t = 0, and the point of its run; None before the first."""
+    """State of an FMU's controller: steps since t = 0, the point of its run (None before the first), and the inputs held."""
 
     tick: int
     point: FmuPoint | None
+    held: tuple[float, ...] = ()
 
 
 class FmuController:
     """Controller by an FMU (FMI 2 or 3), for `simulate`; each run needs its own.
 
-    At each flash the FMU receives its inputs, makes one step to the next flash, and its outputs are the command. The
+    At each flash the FMU receives its inputs, makes one step to the next command, and its outputs are the command. Under a
+    `command_rate_hz` of `simulate` it makes further steps between the flashes, with the inputs of the last flash. The
     `acceleration_m_s2` becomes the inputs of the follower's state-space model. Quantities of `inputs`: hits, target_pixels,
     centroid_x_m, centroid_y_m, centroid_z_m (lidar axes), range_m, pan_rad, tilt_rad (measured) and time_s.
 
     Parameters
     ----------
     file : path of the FMU
-    step_s : time between flashes [s], the grid of the FMU
+    step_s : time between commands [s], the grid of the FMU: that between flashes, or 1 / command_rate_hz
     trust_fmu : whether its native code may run
     mapping : `inputs`, `outputs`, and further fields of an FMU: parameters, units, interface, relative_tolerance
 
@@ -59,12 +62,13 @@ class FmuController:
             )
         if not isinstance(step_s, int | float) or isinstance(step_s, bool) or not 0.0 < step_s < np.inf:
             raise ScenarioError(
-                f"FmuController: step_s: {step_s!r:.40} is no time between flashes; give seconds above 0"
+                f"FmuController: step_s: {step_s!r:.40} is no time between commands; give seconds above 0"
             )
         self._model = ControllerModel(file=str(file), **mapping)
         self._run = self._model.make_run(step_s)
         self._step_s, self._tick = step_s, 0
         self._point: FmuPoint | None = None
+        self._held = np.empty(0)
 
     def save(self) -> ControllerState:
         """Return the present state, from which `restore` goes on, as `Simulation.save` does.
@@ -80,7 +84,7 @@ class FmuController:
         """
         if self._point is not None:
             self._point = self._point.run.keep(self._point)
-        return ControllerState(self._tick, self._point)
+        return ControllerState(self._tick, self._point, tuple(self._held.tolist()))
 
     def restore(self, state: ControllerState) -> None:
         """Go on from a state that a controller by the same FMU saved, in this process or another.
@@ -100,20 +104,46 @@ class FmuController:
         mine = self._run
         if (run.path, run.checksums, run.settings) != (mine.path, mine.checksums, mine.settings):
             raise ScenarioError("FmuController: the state is one of another FMU or mapping; give a state of this one")
-        self._run, self._tick, self._point = run, state.tick, state.point
+        self._run, self._tick, self._point, self._held = run, state.tick, state.point, np.array(state.held)
 
     def __call__(self, observation: Observation) -> Command:
-        """Return the command for the next flash."""
-        if abs(observation.time_s - self._tick * self._step_s) > 1e-6:
-            raise ScenarioError(
-                f"FmuController: the flash at {observation.time_s:g} s is not on the grid of {self._step_s:g} s from t = 0; "
-                "give the time between flashes as step_s"
-            )
+        """Return the command that acts from a flash until the next command."""
         measured = measure(observation)
-        values = np.array([measured[name] for name in self._model.input_units if name in self._model.inputs])
+        given = [measured[name] for name in self._model.input_units if name in self._model.inputs]
+        return self._advance(observation.time_s, np.array(given))
+
+    def command_at(self, time_s: float, samples: Mapping[str, SensorSamples]) -> Command:
+        """Return the command between flashes, as `FastController.command_at`.
+
+        Parameters
+        ----------
+        time_s : present time [s], on the grid of the FMU
+        samples : not used
+
+        Returns
+        -------
+        Command
+
+        Raises
+        ------
+        ScenarioError
+            If the time is not on the grid, or there was no flash before
+        """
         if self._point is None:
-            self._point, _ = self._run.begin(values)
-        self._point, rows = self._run.advance(self._point, values[None], keep_state=False)
+            raise ScenarioError("FmuController: command_at() before the first flash; call it with an observation first")
+        return self._advance(time_s, self._held)
+
+    def _advance(self, time_s: float, held: np.ndarray) -> Command:
+        """Make a step under inputs (input,) from `time_s` [s] on, and return its outputs as a command."""
+        if abs(time_s - self._tick * self._step_s) > 1e-6:
+            raise ScenarioError(
+                f"FmuController: {time_s:g} s is not the next instant on the grid of {self._step_s:g} s from t = 0; give "
+                "the time between commands as step_s"
+            )
+        if self._point is None:
+            self._point, _ = self._run.begin(held)
+        self._held = held
+        self._point, rows = self._run.advance(self._point, held[None], keep_state=False)
         self._tick += 1
         quantities: dict[str, list[float]] = {}
         signals = [signal.quantity for signal in self._run.settings.outputs for _ in range(signal.elements)]

@@ -73,7 +73,7 @@ class Client:
         self._context = self._zmq.Context()
         self._socket = self._context.socket(self._zmq.DEALER)
         self._sequence = 0
-        self._time_ns, self._is_over, self._overruns = 0, False, 0
+        self._time_ns, self._is_over, self._overruns, self._dropped = 0, False, 0, 0
         self._next_flash_ns: int | None = None
         self._sight: np.ndarray | None = None
         self._observation: Observation | None = None
@@ -149,6 +149,11 @@ class Client:
     def overruns(self) -> int:
         """Number of deadlines that a server on the wall clock has missed."""
         return self._overruns
+
+    @property
+    def dropped(self) -> int:
+        """Number of readings that the link has lost since t = 0, also where no step has returned their loss."""
+        return self._dropped
 
     @property
     def observation(self) -> Observation | None:
@@ -279,7 +284,7 @@ class Client:
             if header["ok"]:
                 self._time_ns, self._is_over = int(header["time_ns"]), bool(header["is_over"])
                 self._next_flash_ns = None if header["next_flash_ns"] is None else int(header["next_flash_ns"])
-                self._overruns = int(header["overruns"])
+                self._overruns, self._dropped = int(header["overruns"]), int(header.get("dropped", 0))
                 return None if read is None else read(header, arrays)
             code, message = str(header["error"]["code"]), str(header["error"]["message"])
         raise (RunError if code == "failed" else ScenarioError)(f"{self.endpoint}: {message}")

@@ -42,6 +42,7 @@ class LinkedState:
     commands: tuple[tuple[int, Command | None], ...]
     readings: tuple[Delivery, ...]
     delivered: Delivery | None
+    dropped: int
 
 
 class LinkedSimulation:
@@ -49,7 +50,7 @@ class LinkedSimulation:
 
     A step to the next flash returns that flash at once, ahead of the time at which its reading is available. A command
     without a time stamp then counts as given when that reading was available, and not before. A step by a time returns the
-    reading that became available by its end.
+    reading that became available by its end. A reading that is lost never arrives; `dropped` counts those so far.
 
     Parameters
     ----------
@@ -66,6 +67,7 @@ class LinkedSimulation:
         self._commands: list[tuple[int, Command | None]] = []  # with the instant from which each acts, in order
         self._readings: list[Delivery] = []  # in transit, in the order of their arrival
         self.delivered: Delivery | None = None  # latest reading that flight software has
+        self.dropped = 0  # readings that the link has lost since t = 0
         self._samples: list[Mapping[str, SensorSamples]] = []  # of the last step, by its parts
 
     @property
@@ -99,6 +101,7 @@ class LinkedSimulation:
         self.simulation.reset(seed)
         self._active, self._commands, self._readings, self._samples = None, [], [], []
         self.frame = self.delivered = None
+        self.dropped = 0
 
     def step(
         self,
@@ -211,6 +214,7 @@ class LinkedSimulation:
         if self._has_link:
             delay_s, is_lost = self.link.draw(self.simulation.scenario.rng(frame.index, LINK))
         if is_lost:
+            self.dropped += 1
             return Delivery(frame.index, "dropped", emitted_ns, None, None)
         return Delivery(frame.index, "delivered", emitted_ns, emitted_ns + round(delay_s * NS_PER_S), frame.observation)
 
@@ -224,7 +228,12 @@ class LinkedSimulation:
     def save(self) -> LinkedState:
         """Return the present state, from which `restore` goes on."""
         return LinkedState(
-            self.simulation.save(), self._active, tuple(self._commands), tuple(self._readings), self.delivered
+            self.simulation.save(),
+            self._active,
+            tuple(self._commands),
+            tuple(self._readings),
+            self.delivered,
+            self.dropped,
         )
 
     def restore(self, state: LinkedState) -> None:
@@ -237,3 +246,4 @@ class LinkedSimulation:
         self.simulation.restore(state.simulation)
         self._active, self.delivered, self.frame = state.active, state.delivered, None
         self._commands, self._readings, self._samples = list(state.commands), list(state.readings), []
+        self.dropped = state.dropped

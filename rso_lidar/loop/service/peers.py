@@ -27,6 +27,7 @@ class _Peer:
     name: str
     is_driver: bool
     connection: int  # number of its socket, by which libzmq reports the end of a connection
+    takes_structs: bool  # as the heads of its replies; else JSON
 
 
 class Peers:
@@ -65,8 +66,13 @@ class Peers:
             )
         if identity not in self._peers and len(self._peers) >= MOST_CLIENTS:
             raise RefusalError("busy", f"hello: {MOST_CLIENTS} clients are connected already; end one first")
-        self._peers[identity] = _Peer(request.client, is_driver, connection)
+        self._peers[identity] = _Peer(request.client, is_driver, connection, request.head == "struct")
         self._log(f"client      {request.client} has connected as {request.role}")
+
+    def takes_structs(self, identity: bytes) -> bool:
+        """Return whether a client has asked for heads of structures."""
+        peer = self._peers.get(identity)
+        return peer is not None and peer.takes_structs
 
     def find(self, connection: int) -> list[bytes]:
         """Return the identities of the clients on a connection."""

@@ -54,6 +54,9 @@ class HelloRequest(Request):
     role: Literal["driver", "observer"] = Field(
         default="driver", description="A driver steps the simulation; there is one at a time. An observer only reads."
     )
+    head: Literal["json", "struct"] = Field(
+        default="json", description="Head of the replies to this client: JSON, or structures of C."
+    )
     client: Annotated[Text, Field(max_length=100)] = Field(default="?", description="Name for the server's log.")
     token: Annotated[Text, Field(max_length=1000)] | None = Field(
         default=None, description="Secret of a server that was started with one."

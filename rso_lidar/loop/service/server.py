@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from tempfile import TemporaryDirectory
@@ -19,7 +19,8 @@ from rso_lidar.loop.service.multipart import receive_parts, send_parts
 from rso_lidar.loop.service.peers import Peers, RefusalError
 from rso_lidar.loop.service.requests import HelloRequest, Request, find_sequence, parse_request
 from rso_lidar.loop.service.session import Answer, Session
-from rso_lidar.loop.service.wire_format import encode
+from rso_lidar.loop.service.struct_head import encode_struct
+from rso_lidar.loop.service.wire_format import WireArray, encode
 
 _WAITING = 16  # messages queued for one client; a slow reader of the stream loses further ones
 _POLL_S = 0.1  # within which a signal is noticed
@@ -35,7 +36,7 @@ class _Due:
     due_s: float
     envelope: list[bytes]
     parts: list[Any]
-    is_published: bool
+    published: list[Any] | None
 
 
 class Server:
@@ -190,9 +191,9 @@ class Server:
             time.sleep(left_s)
         due, self._due = self._due, None
         self._send(due.envelope, due.parts)
-        if due.is_published and self._stream is not None:
+        if due.published is not None:
             self._published += 1
-            send_parts(self._stream, [b"reading", *due.parts])
+            send_parts(self._stream, [b"reading", *due.published])
 
     def _note_disconnections(self) -> None:
         """Remove the clients whose connections have ended."""
@@ -265,16 +266,24 @@ class Server:
             if self._deadlines is not None:
                 self._deadlines.begin()
             self._publish_event(request.request)
-        parts = self._encode(answer, request)
+        header = self._complete(answer, request)
+        parts = self._encode(envelope, header, answer.arrays)
         self._is_done = answer.ends
         if answer.is_step:
-            self._due = _Due(due_s, envelope, parts, answer.has_reading)
+            published = None
+            if answer.has_reading and self._stream is not None:  # in JSON, whatever the driver takes
+                published = encode(header, answer.arrays) if self._peers.takes_structs(envelope[0]) else parts
+            self._due = _Due(due_s, envelope, parts, published)
         else:
             self._send(envelope, parts)
 
-    def _encode(self, answer: Answer, request: Request) -> list[Any]:
-        """Return the parts of the reply to a request."""
-        header = {
+    def _encode(self, envelope: list[bytes], header: dict[str, Any], arrays: Sequence[WireArray] = ()) -> list[Any]:
+        """Return the parts of a reply, with the head for which its client has asked."""
+        return (encode_struct if self._peers.takes_structs(envelope[0]) else encode)(header, arrays)
+
+    def _complete(self, answer: Answer, request: Request) -> dict[str, Any]:
+        """Return the header of the reply to a request."""
+        return {
             "reply": request.request,
             "ok": True,
             "sequence": self._count(),
@@ -282,7 +291,6 @@ class Server:
             "overruns": self._deadlines.overruns if self._deadlines else 0,
             **answer.header,
         }
-        return encode(header, answer.arrays)
 
     def _count(self) -> int:
         self._sequence += 1
@@ -299,7 +307,7 @@ class Server:
             "request_sequence": sequence,
             "error": error,
         }
-        self._send(envelope, encode(header))
+        self._send(envelope, self._encode(envelope, header))
 
     def _send(self, envelope: list[bytes], parts: list[Any]) -> None:
         """Send a reply; a client that has disconnected, or does not read, is removed."""

@@ -111,7 +111,12 @@ class Session:
     def _state(self) -> dict[str, Any]:
         """Return the keys of every answer."""
         linked = self.linked
-        return {"time_ns": linked.time_ns, "next_flash_ns": linked.next_flash_ns, "is_over": linked.is_over}
+        return {
+            "time_ns": linked.time_ns,
+            "next_flash_ns": linked.next_flash_ns,
+            "is_over": linked.is_over,
+            "dropped": linked.dropped,
+        }
 
     def _describe(self) -> dict[str, Any]:
         """Return what does not change, as far as flight software may know it."""

@@ -102,7 +102,7 @@ def encode(header: dict[str, Any], arrays: Sequence[WireArray] = ()) -> list[Any
     ----------
     header : of the message, without schema and arrays. A number that is not finite is sent as null
     """
-    packed = [_to_little_endian(array.values) for array in arrays]
+    packed = [to_little_endian(array.values) for array in arrays]
     listed = b",".join(
         [
             _describe_array(array.path, array.spec, values.dtype.str, values.shape)
@@ -123,7 +123,7 @@ def _describe_array(path: str, spec: ArraySpec, dtype: str, shape: tuple[int, ..
     return to_json({"name": path, "dtype": dtype, "shape": shape, **stated})
 
 
-def _to_little_endian(values: Any) -> np.ndarray:
+def to_little_endian(values: Any) -> np.ndarray:
     """Return an array in C order and little-endian bytes; most are already."""
     array = np.asarray(values)
     if array.flags.c_contiguous and array.dtype.str[0] != ">":

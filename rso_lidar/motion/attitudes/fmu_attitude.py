@@ -10,6 +10,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.motion.dynamics.fmu_history import THROTTLES, TORQUES, FmuDynamics, FmuHistory
 from rso_lidar.part import UNIT_NORM_WITHIN
+from rso_lidar.units import DEG
 
 
 class FmuAttitude(FmuDynamics):
@@ -24,7 +25,14 @@ class FmuAttitude(FmuDynamics):
     output_units: ClassVar[dict[str, tuple[str, int]]] = {"quaternion_xyzw": ("1", 4), "body_rate_rad_s": ("rad/s", 3)}
     optional_names: ClassVar[frozenset[str]] = frozenset(input_units)
 
+    unnoticed_error: ClassVar[tuple[float, str]] = (0.05, "deg")  # 1 cm at the end of a craft of 23 m; assumed
+
     type: Literal["fmu"] = "fmu"
+
+    def _measure_errors(self, flown: np.ndarray, compared: np.ndarray) -> np.ndarray:
+        dot = np.abs(np.sum(flown[:, :4] * compared[:, :4], axis=1))
+        errors_deg: np.ndarray = 2.0 * np.arccos(np.minimum(dot, 1.0)) / DEG
+        return errors_deg
 
     def orient(self, situation: Situation) -> Orientation:
         """Return the attitude in root axes."""

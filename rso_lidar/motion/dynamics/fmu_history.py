@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
+from abc import abstractmethod
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -17,12 +18,25 @@ from rso_lidar.part import Number, Positive
 
 _MOST_STEPS = 10_000_000  # whose outputs are kept: 80 MB for each
 _BLOCK = 256  # fewest steps that are computed at once; assumed
+_EXCHANGE = "its model exchange"
+_NAMES = {"co_simulation": "co-simulation", "model_exchange": "model exchange"}
+_MOST_COMPARED = 20_000  # steps of an estimate of the error: about a second for an FMU in C; assumed
 ON_GRID = 1e-6  # of a step: rounding of instants that are on the grid
 
 # Unit and number of elements of the inputs; 0 is as many as are mapped.
 FORCES = {"force_n": ("N", 0), "acceleration_m_s2": ("m/s2", 0)}
 TORQUES = {"torque_n_m": ("N.m", 0)}
 THROTTLES = {"throttle_fraction": ("1", 0)}
+
+
+class StepComparison(NamedTuple):
+    """Outputs (time, output) of an FMU at instants (time,) [s], as it is flown and by a reference integration."""
+
+    interface: str
+    reference: str
+    time_s: np.ndarray
+    flown: np.ndarray
+    compared: np.ndarray
 
 
 class FmuDynamics(FmuModel, CommandedModel):
@@ -35,6 +49,8 @@ class FmuDynamics(FmuModel, CommandedModel):
     """
 
     input_units: ClassVar[dict[str, tuple[str, int]]] = {}
+    preferred_interface: ClassVar[str] = "model_exchange"  # the package then controls the error of the integration
+    unnoticed_error: ClassVar[tuple[float, str]]  # greatest error without a warning, and its unit
 
     step_s: Positive = Field(
         description="Grid of the FMU from `start_utc` on [s]; between its points values are interpolated."
@@ -76,6 +92,55 @@ class FmuDynamics(FmuModel, CommandedModel):
         status = Path(self.file).stat()
         return _find_history(self.model_dump_json(), type(self), (status.st_mtime_ns, status.st_size))
 
+    def advise(self, end_s: float) -> list[str]:
+        """List a line if the integration of the FMU is probably wrong by more than is noticed, or cannot be judged."""
+        flown = self.fly_open_loop()
+        try:
+            steps = self.compare_steps(end_s)
+        except ScenarioError as error:
+            return [f"the error of the {_NAMES[flown.interface]} of the FMU cannot be estimated ({error})"]
+        errors = self._measure_errors(steps.flown, steps.compared)
+        most, unit = self.unnoticed_error
+        at = int(np.argmax(errors))
+        if not errors[at] > most:
+            return []
+        return [
+            f"the {_NAMES[steps.interface]} of the FMU and {steps.reference} differ by {errors[at]:.2g} {unit} at "
+            f"{steps.time_s[at]:g} s, which estimates its error; "
+            + ("leave out interface" if steps.reference == _EXCHANGE else "lower step_s")
+        ]
+
+    @abstractmethod
+    def _measure_errors(self, flown: np.ndarray, compared: np.ndarray) -> np.ndarray:
+        """Return the differences (time,) between outputs (time, output), in the unit of `unnoticed_error`."""
+
+    def compare_steps(self, end_s: float) -> StepComparison:
+        """Compute the outputs with another integration, whose difference is an estimate of the error of this one.
+
+        The other integration of an FMU that is co-simulated is its model exchange, where it has both interfaces, and
+        otherwise the same interface with steps of half the length. The inputs are those at the start.
+
+        Parameters
+        ----------
+        end_s : end of the run [s]; the comparison ends earlier where it would need too many steps
+
+        Returns
+        -------
+        StepComparison
+
+        Raises
+        ------
+        ScenarioError
+            If the FMU fails
+        """
+        time_s = self.step_s * np.arange(min(int(end_s / self.step_s), _MOST_COMPARED) + 1)
+        flown = self.fly_open_loop()
+        if flown.interface == "co_simulation" and "model_exchange" in flown.interfaces:
+            other, reference = self.replace(interface="model_exchange"), _EXCHANGE
+        else:
+            other, reference = self.replace(step_s=0.5 * self.step_s), f"steps of {0.5 * self.step_s:g} s"
+        return StepComparison(flown.interface, reference, time_s, flown(time_s), FmuHistory(other)(time_s))
+
 
 class FmuHistory(CommandedFlight):
     """Outputs of an FMU on its grid without commands, extended as later instants are asked for.
@@ -93,6 +158,8 @@ class FmuHistory(CommandedFlight):
             raise ScenarioError(
                 f"start_inputs: has {len(self._inputs)} numbers for the {elements} elements of `inputs`; correct them"
             )
+        self.interfaces: list[str] = self._run.description["interfaces"]
+        self.interface = self._run.settings.interface
         self._point, first = self._run.begin(self._inputs)
         self._rows = RowHistory.begin(np.concatenate([first, self._inputs]))
         self._outputs = slice(0, len(first))

@@ -20,6 +20,7 @@ from rso_lidar.motion.dynamics.fmu_history import (
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.orbit import Epochs
 from rso_lidar.part import Name
+from rso_lidar.pose import length
 
 _ACCELERATION, _FORCE = "acceleration_m_s2", "specific_force_m_s2"
 
@@ -44,6 +45,8 @@ class FmuMotion(FmuDynamics, PlacedMotion):
         _FORCE: ("m/s2", 3),
     }
     optional_names: ClassVar[frozenset[str]] = frozenset({*input_units, _ACCELERATION, _FORCE})
+
+    unnoticed_error: ClassVar[tuple[float, str]] = (0.01, "m")  # as for the light time: a fifth of the range noise
 
     type: Literal["fmu"] = "fmu"
     axes: Literal["inertial", "local", "rtn"] = Field(
@@ -72,6 +75,9 @@ class FmuMotion(FmuDynamics, PlacedMotion):
     def states_specific_force(self) -> bool:
         """Whether the FMU states the acceleration by thrust alone."""
         return _FORCE in self.outputs
+
+    def _measure_errors(self, flown: np.ndarray, compared: np.ndarray) -> np.ndarray:
+        return length(flown[:, :3] - compared[:, :3])
 
     def place(self, epochs: Epochs, flight: CommandedFlight | None) -> Place:
         """Interpolate position and velocity in `axes`. For an orbit the result includes their rates."""

@@ -168,14 +168,19 @@ def test_an_fmu_as_controller_keeps_the_stage_in_the_field(passage, tmp_path):
     with pytest.raises(ScenarioError, match="runs only where it is trusted; give trust_fmu=True"):
         FmuController(str(path), step_s=0.5, **given)
     for length in ("0.5", 0.0, math.nan, True):
-        with pytest.raises(ScenarioError, match=r"step_s: .* is no time between flashes; give seconds above 0"):
+        with pytest.raises(ScenarioError, match=r"step_s: .* is no time between commands; give seconds above 0"):
             FmuController(str(path), step_s=length, trust_fmu=True, **given)
     controller = FmuController(str(path), step_s=0.5, trust_fmu=True, **given)
     for frame in rl.simulate(passage, controller):
         x, y, z = frame.truth.pose("lidar", "stage").translation
     assert math.atan2(math.hypot(x, y), z) < 0.15 * passage.lidar.receiver.fov_rad  # 0.35 of it without a controller
-    with pytest.raises(ScenarioError, match=r"not on the grid of 0\.5 s"):
+    with pytest.raises(ScenarioError, match=r"not the next instant on the grid of 0\.5 s"):
         controller(frame.observation)
+    fast = FmuController(str(path), step_s=0.1, trust_fmu=True, **given)
+    with pytest.raises(ScenarioError, match="before the first flash"):
+        fast.command_at(0.0, {})
+    last_s = [frame.time_s for frame in rl.simulate(passage, fast, command_rate_hz=10)][-1]
+    assert fast.command_at(last_s + 0.1, {}).pan_rad is not None  # it has made a step for each tenth of a second
 
 
 @pytest.mark.parametrize("can_restore", [True, False])

@@ -20,11 +20,11 @@ SMALL = (
 )
 
 
-def fly(*command):
+def fly(*command, after=()):
     """Return what flight software prints: time [s], returns, and degrees off boresight at each flash."""
     scenario = rl.Scenario.load(FOLDER / "tumbling_stage.toml", settings=SMALL)
     with serving(scenario) as server:
-        run = subprocess.run([*command, server.endpoint], capture_output=True, text=True, timeout=60)
+        run = subprocess.run([*command, server.endpoint, *after], capture_output=True, text=True, timeout=60)
         assert (run.returncode, run.stderr) == (0, "")
         assert not server.failures
     return [tuple(map(float, line.split())) for line in run.stdout.splitlines()]
@@ -56,3 +56,4 @@ def test_c_does_what_python_does(tmp_path, by_python):
     by_c = fly(made)
     assert [row[:2] for row in by_c] == [row[:2] for row in by_python]
     assert [row[2] for row in by_c] == pytest.approx([row[2] for row in by_python], abs=2e-4)  # printed to 1e-4
+    assert fly(made, after=["struct"]) == by_c

@@ -47,6 +47,16 @@ def test_a_run_over_a_bad_link_can_be_repeated(scenario):
     for a, b in zip(one, two, strict=True):
         if a.observation is not None:
             np.testing.assert_array_equal(a.observation.reading.range_m, b.observation.reading.range_m)
+    loop, arrived = linked(scenario, LINK), []
+    begun = loop.save()
+    while not loop.is_over:  # by time, where a loss returns nothing: the same readings, and the same count of losses
+        if (delivery := loop.step(rl.Command(pan_rad=0.7), dt_ns=50_000_000)) is not None:
+            arrived.append(delivery.index)
+        sent = [a for a in one if a.t_emission_ns <= loop.time_ns]
+        assert loop.dropped == sum(a.status == "dropped" for a in sent)
+    assert sorted(arrived) == [a.index for a in one if a.status == "delivered"] and loop.dropped
+    loop.restore(begun)
+    assert loop.dropped == 0
 
 
 def test_a_reading_arrives_with_the_step_in_which_it_is_available(scenario):

@@ -1,5 +1,7 @@
 """A simulation over a socket: the same bits as in one process, one driver, and clear answers to what is wrong."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -87,3 +89,28 @@ def test_a_wrong_request_is_refused_at_once(scenario):
             with pytest.raises(rl.ScenarioError, match=told):
                 client.step(**options)
         assert client.step().index == 0
+
+
+def test_a_client_that_asks_for_structures_gets_them_and_the_stream_stays_json(scenario):
+    import zmq
+
+    with serving(scenario, publish="tcp://127.0.0.1:*") as server, zmq.Context() as context:
+        with context.socket(zmq.REQ) as plug, context.socket(zmq.SUB) as stream:
+            plug.rcvtimeo = stream.rcvtimeo = 30_000
+            stream.subscribe("reading")
+            stream.connect(server.stream)
+            plug.connect(server.endpoint)
+
+            def ask(text):
+                plug.send_string(text)
+                return plug.recv_multipart()
+
+            assert ask('{"request": "step"}')[0][:1] == b"{"  # before hello
+            hello, *_ = ask('{"request": "hello", "version": 1, "head": "struct"}')
+            reply, *_ = ask('{"request": "step", "sequence": 9}')
+            refusal = ask('{"request": "step", "dt_ns": 0, "sequence": 10}')
+            _, published, *_ = stream.recv_multipart()
+    assert [head[:6] for head in (hello, reply)] == [b"RSOL\x01\x01", b"RSOL\x01\x03"]
+    assert int.from_bytes(reply[16:24], "little") == 9
+    assert len(refusal) == 1 and refusal[0][:6] == b"RSOL\x01\x00" and b"step: dt_ns: should be greater" in refusal[0]
+    assert json.loads(published)["frame"]["index"] == 0

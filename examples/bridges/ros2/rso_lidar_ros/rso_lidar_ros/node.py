@@ -2,7 +2,7 @@
 
 It needs neither rso_lidar nor NumPy: messages.py runs beside it, in a process with the Python where rso_lidar is installed.
 
-python3 node.py SCENARIO --ros-args -p python:=/path/to/venv/bin/python
+ros2 run rso_lidar_ros node SCENARIO --ros-args -p python:=/path/to/venv/bin/python
 """
 
 import json
@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import rclpy
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -31,6 +32,10 @@ class LidarNode(Node):
         python = self.declare_parameter("python", "python3").value
         command = [python, str(Path(__file__).with_name("messages.py")), scenario, "--step", str(step_s)]
         command += ["--release", os.environ.get("ROS_DISTRO", "jazzy")]
+        try:
+            command += ["--definitions", str(Path(get_package_share_directory("rso_lidar_msgs"), "msg"))]
+        except PackageNotFoundError:
+            self.get_logger().warning("/lidar/flash is not published: build the package rso_lidar_msgs, and source it")
         if not self.declare_parameter("truth", True).value:
             command.append("--no-truth")
         if self.declare_parameter("trust_code", False).value:

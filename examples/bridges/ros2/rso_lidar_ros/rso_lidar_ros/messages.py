@@ -8,15 +8,16 @@ import argparse
 import json
 import math
 import sys
+from pathlib import Path
 
 import numpy as np
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import rso_lidar as rl
 from rso_lidar.export.formats.mcap import RosStream, to_ros_time
 
-CLOCK, JOINTS = "rosgraph_msgs/msg/Clock", "sensor_msgs/msg/JointState"
+CLOCK, JOINTS, FLASH = "rosgraph_msgs/msg/Clock", "sensor_msgs/msg/JointState", "rso_lidar_msgs/msg/Flash"
 TRUTH = ("/tf", "/labels/")
 
 
@@ -29,11 +30,15 @@ class SteppedLidar:
     step_s : length of a step [s], at most the time between two flashes.
     publishes_truth : whether true poses (`/tf`) and labels are published.
     release : ROS 2 release, such as ``jazzy``, whose message definitions are used.
+    definitions : folder of Flash.msg, of the package rso_lidar_msgs; without it no `/lidar/flash` is published.
     """
 
-    def __init__(self, scenario, step_s=0.02, *, publishes_truth=True, release="jazzy"):
+    def __init__(self, scenario, step_s=0.02, *, publishes_truth=True, release="jazzy", definitions=None):
         self.simulation, self.step_s, self.publishes_truth = rl.Simulation(scenario), step_s, publishes_truth
         self.types, self.stream, self.command = get_typestore(Stores[f"ROS2_{release.upper()}"]), None, rl.Command()
+        if definitions is not None:
+            text = Path(definitions, "Flash.msg").read_text(encoding="utf-8")
+            self.types.register(get_types_from_msg(text, FLASH))
 
     @property
     def is_over(self):
@@ -78,11 +83,23 @@ class SteppedLidar:
                     "effort": [],
                 }
                 found.append(("/ptu/joint_states", JOINTS, {"header": stamp} | joints))
+            found.append(("/lidar/flash", FLASH, self._describe_flash(frame)))
         for topic, kind, body in [("/clock", CLOCK, clock), *found]:
             is_published = self.publishes_truth or not topic.startswith(TRUTH)
             if is_published and kind in self.types.fielddefs:  # ROS has no type for sensors of a user's own
                 made.append((topic, kind, bytes(self.types.serialize_cdr(self.build(kind, body), kind))))
         return made
+
+    def _describe_flash(self, frame):
+        reading, settings = frame.observation.reading, frame.observation.settings
+        return {
+            "header": {"stamp": to_ros_time(self.stream.to_stamp_ns(frame.time_s)), "frame_id": "lidar"},
+            "index": frame.index,
+            "returns": int(np.isfinite(reading.range_m).sum()),
+            "saturated": int(np.count_nonzero(reading.saturated)),
+            "setting_names": list(settings),
+            "setting_values": [value if math.isfinite(value) else math.nan for value in settings.values()],
+        }
 
     def build(self, kind, body):
         """Return a message of rosbags made of a dictionary."""
@@ -136,13 +153,15 @@ def main():
     parser.add_argument("scenario")
     parser.add_argument("--step", type=float, default=0.02, help="length of a step [s]")
     parser.add_argument("--release", default="jazzy", help="ROS 2 release")
+    parser.add_argument("--definitions", metavar="FOLDER", help="of Flash.msg, of the package rso_lidar_msgs")
     parser.add_argument("--no-truth", action="store_true", help="leave out /tf and /labels")
     parser.add_argument("--trust-code", action="store_true", help="run the Python code that the scenario names")
     given = parser.parse_args()
     try:
         scenario = rl.Scenario.load(given.scenario, trust_code=given.trust_code)
-        lidar = SteppedLidar(scenario, given.step, publishes_truth=not given.no_truth, release=given.release)
-    except rl.RsoLidarError as error:
+        chosen = {"release": given.release, "definitions": given.definitions}
+        lidar = SteppedLidar(scenario, given.step, publishes_truth=not given.no_truth, **chosen)
+    except (rl.RsoLidarError, OSError) as error:
         raise SystemExit(f"messages.py: {error}") from None
     bodies = [name for body in scenario.bodies for name in body.models]
     sys.stdout.buffer.write(json.dumps({"inputs": bodies}).encode() + b"\n")
