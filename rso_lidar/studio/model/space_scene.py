@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import struct
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rso_lidar.picture import LIGHT, Scale, Scheme, colour_maps, colour_parts, find_part_name, palette
 from rso_lidar.records import Frame
+from rso_lidar.units import DEG
 
 
 class SpaceScene:
@@ -37,11 +40,11 @@ class SpaceScene:
         self.header["camera"] = {key: np.asarray(value, float).tolist() for key, value in camera.items()}
 
     def add(self, kind: str, positions: Any, colour: Any, **more: Any) -> None:
-        """Add points, lines (pairs of positions) or a mesh (triples of positions).
+        """Add points, lines (pairs of positions), or points of the sky.
 
         Parameters
         ----------
-        kind : "points", "lines" or "mesh"
+        kind : "points", "lines", or "sky" for round points in directions
         positions : (…, xyz)
         colour : one colour, or bytes (…, rgb) for each position
         **more : size of points [pixels], opacity, and whatever else the module of the browser knows
@@ -67,9 +70,9 @@ class SpaceScene:
         """
         self.add("lines", np.stack([points[:-1], points[1:]], axis=1), colour, **more)
 
-    def label(self, text: str, at: Any) -> None:
-        """Add a word at a position."""
-        self.header["labels"].append({"text": text, "at": np.asarray(at, float).tolist()})
+    def label(self, text: str, at: Any, *, is_sky: bool = False) -> None:
+        """Add a word at a position, or in a direction of the sky. Of words that would overlap, the first stays."""
+        self.header["labels"].append({"text": text, "at": np.asarray(at, float).tolist(), "sky": is_sky})
 
     def axes(self, matrix: np.ndarray, length: float, name: str) -> None:
         """Draw labelled axes, red, green and blue.
@@ -85,11 +88,48 @@ class SpaceScene:
             self.add("lines", [matrix[:3, 3], end], colour)
             self.label(letters[k], end)
 
+    def sky(self, from_inertial: np.ndarray, sun: np.ndarray, sunlit: float = 1.0) -> None:
+        """Add the stars, and the Sun with its light.
+
+        Parameters
+        ----------
+        from_inertial : rotation (3, 3) from inertial axes to the scene's
+        sun : unit vector to the Sun (xyz) in inertial axes; NaN for no Sun, and then no stars: the world has no sky
+        sunlit : share of the Sun's disc that the targets see
+        """
+        if not np.isfinite(sun).all():
+            return
+        directions, magnitudes = _read_stars()
+        for brightest, faintest, size in ((-2.0, 1.5, 7), (1.5, 3.0, 5), (3.0, 5.0, 3.5)):
+            chosen = (magnitudes >= brightest) & (magnitudes < faintest)
+            # The eye's response is near logarithmic: a tenth of full brightness for each magnitude.
+            grey = np.clip(255.0 * (1.0 - 0.1 * np.maximum(magnitudes[chosen], 0.0)), 0, 255).astype(np.uint8)
+            self.add("sky", directions[chosen] @ from_inertial.T, np.repeat(grey[:, None], 3, axis=1), size=size)
+        toward = from_inertial @ sun
+        self.add("sky", [toward], "#fff2c4", size=22)
+        self.label("Sun", toward, is_sky=True)
+        self.header["sun"], self.header["sunlit"] = toward.tolist(), float(sunlit)
+
+    def earth(self, radius: float, at: Any) -> None:
+        """Add the Earth, with a day and a night side."""
+        colours = {"day": palette.OKABE_ITO[0], "night": palette.NIGHT}
+        item = {"kind": "earth", "radius": radius, "at": np.asarray(at, float).tolist(), **colours}
+        self.header["items"].append(item)
+
     def pack(self) -> bytes:
         """Return the scene: length of the header as uint32, the header, and the buffers of its items in order."""
         header = json.dumps(self.header).encode()
         header += b" " * (-len(header) % 4)
         return struct.pack("<I", len(header)) + header + b"".join(self._buffers)
+
+
+@cache
+def _read_stars() -> tuple[np.ndarray, np.ndarray]:
+    """Return unit vectors (star, xyz) in inertial axes to the bright stars, and their magnitudes."""
+    table = np.loadtxt(Path(__file__).parent / "bright_stars.csv", delimiter=",", skiprows=2)
+    ascension, declination = table[:, 0] * DEG, table[:, 1] * DEG
+    flat = np.cos(declination)
+    return np.stack([flat * np.cos(ascension), flat * np.sin(ascension), np.sin(declination)], axis=1), table[:, 2]
 
 
 def draw_cloud(frame: Frame, scheme: Scheme = LIGHT, colour: str = "range", axes: str = "lidar") -> bytes:

@@ -18,6 +18,7 @@ from rso_lidar.units import format_count
 
 _CODE = re.compile(r"\bdynamics\b|\bfmu\b", re.IGNORECASE)  # fields and files that hold Python or native code
 
+_BLANK = "No scenario yet. “New” on the page Build begins with an example."
 _STUDY = "a trade study or a dataset, not a scenario; choose it as the job on page Run, and start it"
 _CODE_REFUSED = "the studio runs none of a file; fly it with `rso-lidar run` on the command line"
 
@@ -37,6 +38,11 @@ class Assessment:
     refusal: str = ""
 
     @property
+    def is_blank(self) -> bool:
+        """Whether nothing has been written yet, which is no error."""
+        return not self.text.strip()
+
+    @property
     def is_ready(self) -> bool:
         """Whether the text is a scenario that may be flown."""
         return self.scenario is not None and not self.refusal
@@ -51,6 +57,8 @@ class Assessment:
 
 def assess(text: str, folder: Folder, title: str) -> Assessment:
     """Assess a text; the files that it names must lie inside the folder, or be shipped."""
+    if not text.strip():
+        return Assessment(text, None, _BLANK)
     refusal = ""
     try:
         with suppress_warnings():

@@ -15,7 +15,7 @@ from rso_lidar.studio.model.problem_place import split_place
 from rso_lidar.studio.model.text_assessment import describe
 from rso_lidar.studio.pages.elements import draw_button, mark
 from rso_lidar.studio.pages.form import TableForm, change_document, draw_add, draw_type
-from rso_lidar.studio.pages.header import draw_menu
+from rso_lidar.studio.pages.header import draw_menu, open_templates
 from rso_lidar.studio.state import BrowserTab
 
 _NESTED = "lidar"  # its tables have forms of their own, because they are long
@@ -120,7 +120,9 @@ class BuildPage:
                 ).classes("text-negative")
                 return
             if not document.text.strip():
-                mark(ui.label("An empty scenario. “New” begins with an example."), "empty")
+                with ui.row().classes("items-center gap-2 studio-empty"):
+                    mark(ui.label("An empty scenario. Most begin with an example."), "empty")
+                    draw_button("Choose an example", partial(open_templates, self._tab), look="unelevated")
             cls = find_part(Scenario, document.tables(), steps) if steps else Scenario
             field = find_field(Scenario, document.tables(), steps)
             if field is not None:
@@ -160,7 +162,10 @@ class BuildPage:
             self._description.set_visibility(False)
         self._verdict.text = assessment.tell(warnings)
         look = ("warning", "text-warning") if warnings else ("check_circle", "text-positive")
-        icon, colour = look if assessment.is_ready else ("block" if assessment.refusal else "error", "text-negative")
+        if assessment.is_blank or assessment.refusal:
+            icon, colour = "info", "opacity-80"
+        else:
+            icon, colour = look if assessment.is_ready else ("error", "text-negative")
         self._icon.props(f"name={icon}").classes(replace=colour)
         self._warnings.clear()
         with self._warnings:

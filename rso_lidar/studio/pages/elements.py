@@ -13,6 +13,7 @@ from nicegui.element import Element
 from rso_lidar.errors import RsoLidarError
 
 E = TypeVar("E", bound=Element)
+_CHECKBOX = '<q-checkbox v-model="props.selected" dense :aria-label="`Choose ${props.row.name}`" />'
 
 
 class Slider(ui.slider):
@@ -54,6 +55,28 @@ def draw_icon_button(icon: str, label: str, action: Callable[..., Any], name: st
     button = draw_button("", action, name or label, f"flat round {look}").tooltip(label)
     button.props["icon"], button.props["aria-label"] = icon, label
     return button
+
+
+def draw_table(columns: Mapping[str, str], choose: Callable[[list[dict[str, Any]]], Any]) -> ui.table:
+    """Draw a table without rows yet, of which a click anywhere on a row, or its box, chooses the row.
+
+    Parameters
+    ----------
+    columns : titles by their keys, of which one is `name`
+    choose : called with the chosen row in a list, which is empty where none is left
+    """
+
+    def take_click(event: Any) -> None:
+        table.selected = [row for row in table.rows if row["name"] == event.args]
+        choose(table.selected)
+
+    table = ui.table(
+        columns=[{"name": k, "field": k, "label": v, "align": "left", "sortable": True} for k, v in columns.items()],
+        rows=[], row_key="name", selection="single", on_select=lambda event: choose(event.selection),
+    ).classes("w-full studio-choice").props("dense flat hide-selected-banner")  # fmt: skip
+    table.on("row-click", take_click, js_handler="(event, row) => emit(row.name)")
+    table.add_slot("body-selection", _CHECKBOX)
+    return table
 
 
 def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str) -> None:

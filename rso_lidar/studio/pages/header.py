@@ -64,7 +64,7 @@ def draw_menu(tab: BrowserTab) -> None:
     def change(action: str) -> None:
         getattr(tab.document, action)()  # of the document that is shown then
 
-    actions = {"New": _open_templates, "Open": _open_list, "Save": _save, "Save as": _ask_name, "Upload": _open_upload}
+    actions = {"New": open_templates, "Open": _open_list, "Save": _save, "Save as": _ask_name, "Upload": _open_upload}
     icons = ("note_add", "folder_open", "save", "save_as", "upload_file")
     bar = ui.row(wrap=False).classes("w-full items-center gap-1 px-2 py-1 studio-menu")
     with bar.props("role=toolbar aria-label=Document"):
@@ -82,7 +82,7 @@ def draw_menu(tab: BrowserTab) -> None:
     tab.document_changed.subscribe(show_history)
 
 
-def _open_templates(tab: BrowserTab) -> None:
+def open_templates(tab: BrowserTab) -> None:
     """Open the dialog with the examples, which a new scenario begins with."""
 
     def take(text: str, companions: list[Path]) -> None:

@@ -34,7 +34,7 @@ _MOST_MODELS = 64  # meshes that are held, of all tabs
 _FIRST = "Working. The first start compiles the kernels, once for each installation: 15 to 25 s."
 _OPEN_PICTURE = "(event) => window.open(event.currentTarget.querySelector('img').src)"
 _shelves: dict[str, dict[str, tuple[bytes, str]]] = {}  # what each tab shows, by its secret key: bytes and their type
-_models: dict[str, bytes] = {}  # meshes by the hash of their geometry
+_models: dict[str, bytes] = {}  # models of surfaces by the hash of their bytes
 
 
 def add_routes(application: fastapi.FastAPI, workspace: Workspace) -> None:
@@ -95,7 +95,7 @@ class SeePage:
 
     def _draw_bars(self) -> None:
         with mark(ui.row().classes("w-full items-center gap-2"), "problem") as self.problem:
-            self.problem_text = ui.label().classes("text-negative grow").props("role=alert")
+            self.problem_text = ui.label().classes("grow").props("role=alert")
             draw_button("Show in Build", self._go_to_build)
         self.problem.set_visibility(False)
         with ui.row(wrap=False).classes("w-full items-center gap-1"):
@@ -220,8 +220,9 @@ class SeePage:
             self.busy = False
             self.spinner.set_visibility(False)
 
-    def _complain(self, text: str) -> None:
+    def _complain(self, text: str, *, is_error: bool = True) -> None:
         self.problem_text.text = text
+        self.problem_text.classes(replace="grow text-negative" if is_error else "grow studio-empty")
         self.problem.set_visibility(bool(text))
         self.note.text = "Below: the last version that could be flown." if text and self.flight else ""
         for element in (self.space, self.image, self.cloud):
@@ -233,12 +234,12 @@ class SeePage:
             return
         self.flown = assessment
         if assessment.scenario is None or not assessment.is_ready:
-            self._complain(assessment.problem or assessment.refusal)
+            is_error = bool(assessment.problem) and not assessment.is_blank
+            self._complain(assessment.problem or assessment.refusal, is_error=is_error)
             return
         self.note.text = _FIRST if self.flight is None else "Working."
         flight = await self._work(PreviewFlight.of, assessment.text, assessment.scenario)
-        models = await self._work(lambda: {name: corners.tobytes() for name, corners in flight.surfaces.items()})
-        _models.update(models)
+        _models.update(await self._work(lambda: dict(flight.models.values())))
         for name in list(_models)[:-_MOST_MODELS]:
             del _models[name]
         if self.tab.document is not self.of:
@@ -271,7 +272,7 @@ class SeePage:
     async def _show(self, flight: PreviewFlight, row: int) -> None:
         """Make and show what is visible of a row."""
         shown, scheme, view = self.tabs.value or "image", self.scheme, self.view.value or "target"
-        scene = await self._work(lambda: VIEWS[view](flight, row, scheme).pack())
+        scene = await self._work(lambda: VIEWS[view](flight, row).pack())
         self.space.show(self._put("space", scene, "application/octet-stream"))
         self.when.text = flight.describe_moment(row)
         if shown in SCENARIO_FIGURES:

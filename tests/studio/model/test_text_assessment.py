@@ -81,7 +81,14 @@ def test_text_that_is_no_toml_names_a_line(folder, text):
     assert found.line in (None, 1, 2, 3)
 
 
-@pytest.mark.parametrize("text", ["", "version = 1", "target = 3", "target = [3]", "[target]\nmodel = 3", "time = []"])
+def test_an_untouched_text_is_no_error(folder):
+    blank = assess("\n", folder, "a.toml")
+    assert blank.is_blank and not blank.is_ready
+    assert (blank.place, blank.line) == ("", None)
+    assert blank.tell(None).startswith("No scenario yet.")
+
+
+@pytest.mark.parametrize("text", ["version = 1", "target = 3", "target = [3]", "[target]\nmodel = 3", "time = []"])
 def test_unfinished_texts_have_a_problem_and_raise_nothing(folder, text):
     found = assess(text, folder, "a.toml")
     assert found.scenario is None
