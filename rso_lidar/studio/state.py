@@ -113,6 +113,8 @@ class BrowserTab:
     - `warned`: they are known.
     - `field_chosen`: a page should show the field at a place, such as ``lidar.laser.energy_mj``.
     - `page_chosen`: another page is shown, by its name.
+    - `end_chosen`: the page See should show the last frame.
+    - `frames_proposed`: the page Run should propose these frames, such as ``440:540:4``.
     """
 
     def __init__(self, workspace: Workspace, document: Document) -> None:
@@ -121,6 +123,7 @@ class BrowserTab:
         self.warnings: list[str] | None = None
         self.document_changed, self.assessed, self.warned = Event[[]](), Event[[]](), Event[[]]()
         self.field_chosen, self.page_chosen = Event[[str]](), Event[[str]]()
+        self.end_chosen, self.frames_proposed = Event[[]](), Event[[str]]()
         self._generation, self._warning = 0, asyncio.Lock()  # one text after the other: each takes seconds
 
     def show(self, document: Document) -> None:

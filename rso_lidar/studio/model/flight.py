@@ -57,6 +57,10 @@ class PreviewFlight:
         """Return where everything is at a row."""
         return self.moments[row].truth
 
+    def find_row(self, time_s: float) -> int:
+        """Return the row whose frame is nearest to a time."""
+        return int(np.argmin([abs(at.truth.time_s - time_s) for at in self.moments]))
+
     def matrix(self, row: int, name: str) -> np.ndarray:
         """Return the pose (4, 4) of axes in those that views in space are in."""
         matrix: np.ndarray = self.truth(row).pose(self.axes, name).as_matrix()

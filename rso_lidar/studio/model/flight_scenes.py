@@ -66,7 +66,7 @@ def draw_relative(flight: PreviewFlight, row: int) -> SpaceScene:
     scene.add("points", [path[row]], DARK.mark, size=10)
     scene.label(f"follower, {np.linalg.norm(path[row]):,.1f} m", path[row])
     scene.label(flight.base, (0.0, 0.0, 0.0))
-    _add_targets(scene, flight, row, np.zeros(3))
+    _add_targets(scene, flight, row)
     eye = middle + 3.8 * span * np.array([0.35, -0.25, -1.0] if rtn else [0.2, -1.0, 0.5])
     scene.look(eye, middle, (1.0, 0.0, 0.0) if rtn else (0.0, 0.0, 1.0))
     scene.header["legend"] = {"title": flight.axes, "entries": [(DARK.lines[0], "path"), (DARK.mark, "now")]}
@@ -75,14 +75,15 @@ def draw_relative(flight: PreviewFlight, row: int) -> SpaceScene:
 
 def draw_target(flight: PreviewFlight, row: int) -> SpaceScene:
     """Draw the first target in its attitude, in the Sun's light, with the field of view and the beam about it [m]."""
-    scene = SpaceScene("target", DARK)
     pose, lidar = flight.matrix(row, flight.base), flight.matrix(row, "lidar")
+    scene = SpaceScene("target", DARK, pose[:3, 3])
     size = max((surface.radius_m for surface in flight.scenario.surfaces if surface.body == flight.base), default=1.0)
-    _add_targets(scene, flight, row, pose[:3, 3])
-    _add_lidar(scene, flight, row, pose[:3, 3])
-    pose[:3, 3] = 0.0
-    scene.axes(pose, 1.3 * size, flight.base)
-    toward = _unit(lidar[:3, 3] - flight.matrix(row, flight.base)[:3, 3])
+    _add_targets(scene, flight, row)
+    _add_lidar(scene, flight, row)
+    at_origin = pose.copy()
+    at_origin[:3, 3] = 0.0
+    scene.axes(at_origin, 1.3 * size, flight.base)
+    toward = _unit(lidar[:3, 3] - pose[:3, 3])
     right, up = lidar[:3, 0], -lidar[:3, 1]  # as in the images
     scene.look(3.4 * size * _unit(toward + 0.3 * right + 0.25 * up), up=up)
     return scene
@@ -90,14 +91,15 @@ def draw_target(flight: PreviewFlight, row: int) -> SpaceScene:
 
 def draw_lidar(flight: PreviewFlight, row: int) -> SpaceScene:
     """Draw follower, PTU and lidar with their axes, the field of view and the beam to the target [m]."""
-    scene, lidar = SpaceScene("lidar", DARK), flight.matrix(row, "lidar")
+    lidar = flight.matrix(row, "lidar")
+    scene = SpaceScene("lidar", DARK, lidar[:3, 3])
     for name, length in (("follower", 1.2), ("ptu", 0.8), ("lidar", 0.6)):
         if name in flight.truth(row).poses:
             pose = flight.matrix(row, name)
             pose[:3, 3] -= lidar[:3, 3]
             scene.axes(pose, length, name)
-    _add_targets(scene, flight, row, lidar[:3, 3])
-    _add_lidar(scene, flight, row, lidar[:3, 3])
+    _add_targets(scene, flight, row)
+    _add_lidar(scene, flight, row)
     boresight, down = lidar[:3, 2], lidar[:3, 1]
     scene.look(-3.5 * boresight - 1.4 * down + 1.2 * lidar[:3, 0], 2.0 * boresight, -down)
     return scene
@@ -122,14 +124,9 @@ def _dash(line: np.ndarray) -> np.ndarray:
     return np.stack([fine[:-1], fine[1:]], axis=1)[::2]
 
 
-def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.ndarray) -> None:
-    """Add the meshes of all targets in their attitudes, the angles of hinges included, the sky, and the Earth.
-
-    Parameters
-    ----------
-    origin : of the scene (xyz) [m] in the axes of the flight
-    """
-    truth = flight.truth(row)
+def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int) -> None:
+    """Add the meshes of all targets in their attitudes, the angles of hinges included, the sky, and the Earth."""
+    truth, origin = flight.truth(row), scene.origin_m
     for surface in flight.scenario.surfaces:
         pose = flight.matrix(row, surface.name)
         pose[:3, 3] -= origin
@@ -143,13 +140,22 @@ def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.
         scene.earth(EARTH_RADIUS_M, from_root.translation - origin)
 
 
-def _add_lidar(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.ndarray) -> None:
-    """Add the pyramid of the field of view and the beam, as far as the first target.
+def mark_sight(scene: SpaceScene, flight: PreviewFlight, row: int, point_m: np.ndarray, words: str) -> None:
+    """Mark a measured point in a view in metres, with the line of sight to it.
 
     Parameters
     ----------
-    origin : of the scene (xyz) [m] in the axes of the flight
+    point_m : (xyz) [m] in lidar axes
     """
+    pose = flight.matrix(row, "lidar")
+    here, there = pose[:3, 3] - scene.origin_m, pose[:3, :3] @ point_m + pose[:3, 3] - scene.origin_m
+    scene.add("lines", [here, there], DARK.mark, opacity=0.7)
+    scene.mark(there, words)
+
+
+def _add_lidar(scene: SpaceScene, flight: PreviewFlight, row: int) -> None:
+    """Add the pyramid of the field of view and the beam, as far as the first target."""
+    origin = scene.origin_m
     lidar, far = flight.moments[row].lidar, flight.range_m(row)
     far = far if np.isfinite(far) and far > 0.0 else 100.0
     pose, lines = flight.matrix(row, "lidar"), DARK.lines

@@ -10,7 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.picture import LIGHT, Scale, Scheme, colour_maps, colour_parts, find_part_name, palette
+from rso_lidar.picture import (
+    LIGHT,
+    Scale,
+    Scheme,
+    colour_maps,
+    colour_parts,
+    find_part_name,
+    find_target_returns,
+    palette,
+)
 from rso_lidar.records import Frame
 from rso_lidar.units import DEG
 
@@ -21,9 +30,9 @@ class SpaceScene:
     Lines are pairs of positions. A browser keeps its camera while the `name` stays, and else begins with this one.
     """
 
-    def __init__(self, name: str, scheme: Scheme = LIGHT) -> None:
-        """Begin an empty scene."""
-        self.scheme = scheme
+    def __init__(self, name: str, scheme: Scheme = LIGHT, origin_m: np.ndarray | None = None) -> None:
+        """Begin an empty scene, whose origin (xyz) [m] may lie elsewhere in the axes that it is drawn in."""
+        self.scheme, self.origin_m = scheme, np.zeros(3) if origin_m is None else np.array(origin_m)
         self.header: dict[str, Any] = {
             "name": name,
             "paper": scheme.paper,
@@ -88,6 +97,11 @@ class SpaceScene:
             self.add("lines", [matrix[:3, 3], end], colour)
             self.label(letters[k], end)
 
+    def mark(self, at: np.ndarray, words: str) -> None:
+        """Mark the point (xyz) that the user has chosen."""
+        self.add("points", [at], self.scheme.mark, size=11, on_top=True)
+        self.label(words, at)
+
     def sky(self, from_inertial: np.ndarray, sun: np.ndarray, sunlit: float = 1.0) -> None:
         """Add the stars, and the Sun with its light.
 
@@ -132,23 +146,30 @@ def _read_stars() -> tuple[np.ndarray, np.ndarray]:
     return np.stack([flat * np.cos(ascension), flat * np.sin(ascension), np.sin(declination)], axis=1), table[:, 2]
 
 
-def draw_cloud(frame: Frame, scheme: Scheme = LIGHT, colour: str = "range", axes: str = "lidar") -> bytes:
-    """Draw the point cloud of a frame.
+def draw_cloud(
+    frame: Frame, scheme: Scheme = LIGHT, colour: str = "range", axes: str = "lidar", pixel: tuple[int, int] = (-1, -1)
+) -> bytes:
+    """Draw the point cloud of a frame. The returns are in the order of the rows and columns; false ones are dim.
 
     Parameters
     ----------
     scheme : `LIGHT` or `DARK`
+    pixel : row and column of the return that is marked, if there is one
     """
     scene, valid = SpaceScene(f"cloud {axes}", scheme), frame.valid
     points = frame.points_m[valid]
     if axes in frame.truth.poses and axes != "lidar":
         points = frame.truth.pose(axes, "lidar").apply(points.reshape(-1, 3))
     rgb, legend = _colour_points(frame, colour)
-    on = frame.labels.target[valid] >= 0
+    on = find_target_returns(frame)[valid]
+    rgb = np.where(on[:, None], rgb, palette.dim(rgb, scheme.paper))
     seen = points[on] if on.any() else points
     middle = np.median(seen, axis=0) if len(seen) else np.zeros(3)
     size = max(2.0 * float(np.percentile(np.linalg.norm(seen - middle, axis=1), 98)), 0.5) if len(seen) else 1.0
-    scene.add("points", points - middle, rgb, size=3)
+    scene.add("points", points - middle, rgb, size=3, pick=True)
+    if pixel >= (0, 0) and valid[pixel]:
+        number = int(np.flatnonzero(np.flatnonzero(valid) == pixel[0] * valid.shape[1] + pixel[1])[0])
+        scene.mark(points[number] - middle, "row {}, column {}".format(*pixel))
     toward = frame.truth.pose(axes, "lidar") if axes in frame.truth.poses else None
     # The camera looks as the lidar does, from a little to the side, so that depth shows; the image's up is up.
     matrix = np.eye(4) if toward is None else toward.as_matrix()

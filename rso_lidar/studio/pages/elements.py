@@ -89,6 +89,11 @@ def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str) -> 
                     ui.item_label(caption).props("caption")
 
 
+def draw_skeleton(classes: str) -> ui.skeleton:
+    """Draw the grey outline of a figure that is still being made."""
+    return ui.skeleton("rect").classes(f"w-full {classes}").props("aria-hidden=true")
+
+
 @contextmanager
 def open_dialog(title: str, width: str = "w-[520px]") -> Iterator[ui.dialog]:
     """Open a dialog, and yield it while it is filled; it is deleted when it closes."""

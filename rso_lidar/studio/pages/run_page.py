@@ -63,12 +63,15 @@ class RunPage:
                 ui.label("Recordings").classes("text-base font-medium")
                 titles = {"name": "Name", "frames": "Frames", "state": "State", "size": "MB"}
                 self._table = mark(draw_table(titles, self._open), "recordings")
-                self._table.add_slot("no-data", '<div class="text-sm studio-empty">No recording in this folder yet.</div>')
+                self._table.add_slot(
+                    "no-data", '<div class="text-sm studio-empty">No recording in this folder yet.</div>'
+                )
             with ui.column().classes("grow min-w-0 gap-2"):
                 self._viewer = FrameViewer(self.folder)
                 self._draw_actions()
         tab.document_changed.subscribe(self._describe)
         tab.assessed.subscribe(self._describe)
+        tab.frames_proposed.subscribe(self._frames.set_value)
         ui.timer(1.0, self._tick)
 
     def _draw_form(self) -> None:

@@ -184,7 +184,8 @@ export default {
     async make_model({ content, matrix }) {
       const address = (window.path_prefix || "") + this.models + content;
       if (!models.has(address)) models.set(address, load_model(address));
-      const material = new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide, flatShading: true });
+      const look = { vertexColors: true, side: THREE.DoubleSide, flatShading: true };
+      const material = new THREE.MeshLambertMaterial({ ...look, emissive: 0x24282f }); // black parts stay above the sky
       const model = new THREE.Mesh(await models.get(address), material);
       model.matrixAutoUpdate = false;
       model.matrix.fromArray(matrix);
