@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import time
 from collections import OrderedDict
 from functools import cached_property
 from threading import Lock
@@ -26,9 +27,11 @@ class PreviewFlight:
 
     def __init__(self, scenario: Scenario) -> None:
         """Fly a scenario without making its frames."""
+        begin = time.perf_counter()
         self.scenario, self.numbers = scenario, even_indices(scenario.time.n_frames, _MOST_FRAMES)
         with Simulation(scenario, frames=self.numbers, commanded=False) as simulation:
             self.moments = [simulation.advance() for _ in self.numbers]
+        self.built_s = time.perf_counter() - begin
         self.targets = tuple(target.name for target in scenario.target)
         poses, base = self.moments[0].truth.poses, self.targets[0] if self.targets else "follower"
         self.base = base  # the body that views in space are about

@@ -9,7 +9,7 @@ from pathlib import Path
 from rso_lidar.errors import RsoLidarError, ScenarioError, collect_warnings, suppress_warnings
 from rso_lidar.files import explain_unreadable
 from rso_lidar.part import parse_toml
-from rso_lidar.scenario import Scenario, iterate_named_files, iterate_texts, list_named_code, parse_frames
+from rso_lidar.scenario import Scenario, iterate_named_files, iterate_texts, list_named_code
 from rso_lidar.scene import model
 from rso_lidar.shipped import find, is_shipped
 from rso_lidar.studio.model.problem_place import locate_problem
@@ -160,24 +160,6 @@ def list_warnings(assessment: Assessment, folder: Folder, title: str) -> list[st
         except RsoLidarError as error:
             lines.append(str(error))
     return list(dict.fromkeys(lines))
-
-
-def estimate_run(scenario: Scenario, frames: str, rate_hz: float) -> str:
-    """Return how many frames a run makes, and about how long it takes, in one line.
-
-    Parameters
-    ----------
-    frames : which of its frames, as `rso-lidar run` takes them; empty for all
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario has no such frames.
-    """
-    count = len(scenario.time.choose_frames(parse_frames(frames or None)))
-    seconds = max(count / rate_hz, 1)
-    of = f"{count:,} of {scenario.time.n_frames:,} frames in all"
-    return f"{of}; some {seconds:,.0f} s, and 15 s more at the very first start"
 
 
 def check_file(name: str, folder: Folder, where: str) -> Path:

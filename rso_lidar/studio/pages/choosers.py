@@ -13,17 +13,18 @@ from nicegui import run, ui
 from rso_lidar.mission_analysis import list_materials
 from rso_lidar.orbit import Omm, Tle
 from rso_lidar.part import Part
-from rso_lidar.scenario import Lidar, Target, load_presets
+from rso_lidar.scenario import Lidar, Target, find_examples, load_presets
 from rso_lidar.scene import Lambertian, models
 from rso_lidar.shipped import shipped
 from rso_lidar.studio.model.mesh_sizes import list_mesh_sizes, list_mesh_targets
-from rso_lidar.studio.model.model_portrait import draw_portrait
+from rso_lidar.studio.model.model_portrait import draw_example_portrait, draw_portrait
 from rso_lidar.studio.model.search import read_pasted_set, search_sets
 from rso_lidar.studio.model.text_assessment import check_file
 from rso_lidar.studio.pages.elements import ask, draw_button, draw_list, draw_table, mark, open_dialog, tell_errors
 from rso_lidar.studio.state import BrowserTab
 
 _MOST_ROWS, _WIDE = 60, "w-[900px]"
+_KEPT = {"cache-control": "max-age=3600"}  # header of pictures
 _LONG_TABLE = "wrap-cells virtual-scroll style='max-height: 50vh'"
 
 
@@ -41,13 +42,20 @@ def find_chooser(cls: type[Part], key: str) -> Chooser | None:
 
 
 def add_routes(application: fastapi.FastAPI) -> None:
-    """Add the route of the models' pictures."""
+    """Add the routes of the pictures of models and examples."""
 
     @application.get("/studio/models/{name}.png")
     def send_portrait(name: str) -> fastapi.Response:
         if name not in models():
             return fastapi.Response("no such model", 404, media_type="text/plain")
-        return fastapi.Response(draw_portrait(name), media_type="image/png", headers={"cache-control": "max-age=3600"})
+        return fastapi.Response(draw_portrait(name), media_type="image/png", headers=_KEPT)
+
+    @application.get("/studio/examples/{name}.png")
+    def send_example(name: str) -> fastapi.Response:
+        png = draw_example_portrait(name) if name == "empty" or name in find_examples() else None
+        if png is None:
+            return fastapi.Response("no such example", 404, media_type="text/plain")
+        return fastapi.Response(png, media_type="image/png", headers=_KEPT)
 
 
 def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None:

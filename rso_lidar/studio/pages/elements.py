@@ -79,14 +79,42 @@ def draw_table(columns: Mapping[str, str], choose: Callable[[list[dict[str, Any]
     return table
 
 
-def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str) -> None:
-    """Draw a list of things to choose from."""
+def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str, picture: str = "") -> None:
+    """Draw a list of things to choose from, with a picture at an address that holds the name, if one is given."""
     with ui.list().props("separator dense").classes("w-full"):
         for name, caption, action in rows:
-            with mark(ui.item(on_click=action), f"{kind}-{name}"), ui.item_section():
-                ui.item_label(name)
-                if caption:
-                    ui.item_label(caption).props("caption")
+            with mark(ui.item(on_click=action), f"{kind}-{name}"):
+                if picture:
+                    with ui.item_section().props("avatar"):
+                        image = ui.image(picture.format(name)).classes("studio-thumbnail")
+                        image.props('alt="" loading=lazy ratio=1 no-spinner fit=contain')
+                with ui.item_section():
+                    ui.item_label(name)
+                    if caption:
+                        ui.item_label(caption).props("caption")
+
+
+def read_memory(key: str) -> str:
+    """Return what the browser remembers under a key; `remember` of memory.js writes it."""
+    request = ui.context.client.request
+    return str(request.cookies.get(f"studio_{key}", "")) if request else ""
+
+
+def draw_splitter(key: str, usual: int, limits: tuple[int, int], unit: str = "px") -> ui.splitter:
+    """Draw two panels with a border that can be moved; the browser remembers the width of the first.
+
+    Parameters
+    ----------
+    usual, limits : width of the first panel, and its least and greatest width [unit]
+    unit : "px" or "%"
+    """
+    kept = read_memory(f"{key}_width")
+    width = int(kept) if kept.isdecimal() and limits[0] <= int(kept) <= limits[1] else usual
+    splitter = (
+        ui.splitter(value=width, limits=limits).classes("w-full").props(f"unit={unit} separator-class=studio-border")
+    )
+    splitter.on("update:model-value", js_handler=f"(width) => remember('{key}_width', Math.round(width))")
+    return splitter
 
 
 def draw_skeleton(classes: str) -> ui.skeleton:

@@ -20,6 +20,7 @@ from rso_lidar.studio.pages.elements import (
     draw_list,
     mark,
     open_dialog,
+    read_memory,
     tell_errors,
 )
 from rso_lidar.studio.pages.guide import Guide
@@ -45,14 +46,16 @@ def draw_header(tab: BrowserTab, guide: Guide) -> ui.tabs:
     show_title()
     tab.document_changed.subscribe(show_title)
     draw_button("Guide", guide.start, "guide-start", "flat color=white")
-    dark = ui.dark_mode(None)
+    dark = ui.dark_mode({"dark": True, "light": False}.get(read_memory("scheme")))
 
     def change_scheme() -> None:
         dark.value = {None: True, True: False, False: None}[dark.value]
         scheme.props(f"icon={_SCHEMES[dark.value]}")
+        kept = {None: "auto", True: "dark", False: "light"}[dark.value]
+        ui.context.client.run_javascript(f"remember('scheme', '{kept}')")
 
     label = "Light, dark, or as the system has it"
-    scheme = draw_icon_button(_SCHEMES[None], label, change_scheme, "scheme", "color=white")
+    scheme = draw_icon_button(_SCHEMES[dark.value], label, change_scheme, "scheme", "color=white")
     if not list_documents(tab.workspace.folder):
         ui.context.client.on_connect(guide.start)
     return chosen
@@ -105,7 +108,7 @@ def open_templates(tab: BrowserTab) -> None:
         partial(take, SHORTEST_EXAMPLE, []),
     )
     with open_dialog("New scenario from an example", "w-[720px]") as dialog:
-        draw_list([empty, *rows], "template")
+        draw_list([empty, *rows], "template", "/studio/examples/{}.png")
 
 
 def _open_list(tab: BrowserTab) -> None:

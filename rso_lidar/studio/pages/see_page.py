@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from typing import Any, TypeVar
 
@@ -26,7 +26,7 @@ from rso_lidar.studio.model.scenario_figures import SCENARIO_FIGURES, TimeAxis, 
 from rso_lidar.studio.model.space_scene import draw_cloud
 from rso_lidar.studio.model.text_assessment import describe
 from rso_lidar.studio.model.waveform_chart import make_waveform_chart
-from rso_lidar.studio.pages.elements import Slider, draw_button, draw_icon_button, draw_skeleton, mark
+from rso_lidar.studio.pages.elements import Slider, draw_button, draw_icon_button, draw_skeleton, draw_splitter, mark
 from rso_lidar.studio.state import BrowserTab, Workspace
 
 T = TypeVar("T")
@@ -73,23 +73,25 @@ class SeePage:
         self.frame_of: Any = None  # flight, row and intermediate products of the frame
         self.axis: TimeAxis | None = None  # of the timeline
         self.version, self.busy, self.again, self.whole, self.of = 0, False, False, False, tab.document
-        self.goes_to_end = False
+        frame, *pixel = (int(n) if n.isdecimal() else -1 for n in self._recall_numbers())
+        self.opens_at = max(frame, 0)  # row that is shown first
+        self.first_pixel = (pixel[0], pixel[1])
         panel = ui.context.slot.parent
         self.panels: Any = panel.parent_slot.parent if panel.parent_slot else None
         if isinstance(self.panels, ui.tab_panels):
             self.panels.on_value_change(self.request)
         self._draw_bars()
-        with ui.row(wrap=False).classes("w-full gap-2 items-stretch studio-see"):
-            with ui.column().classes("gap-1 h-full studio-space"):
-                names = {name: name.capitalize() for name in VIEWS}
-                self.view = ui.toggle(names, value="target", on_change=self.request)
-                mark(self.view, "view", 'dense no-caps aria-label="View in space"')
-                self.space = SpaceView("View in space", f"/studio/see/{self.key}/").classes("w-full grow")
-                mark(self.space, "space")
-                self.waiting = [draw_skeleton("grow")]
-                self.space.set_visibility(False)
-            with ui.column().classes("gap-0 h-full studio-right"):
-                self._draw_right()
+        splitter = draw_splitter("space", 44, (20, 75), "%").classes("studio-see")
+        with splitter.before, ui.column().classes("w-full gap-1 h-full pr-2 studio-space"):
+            names = {name: name.capitalize() for name in VIEWS}
+            self.view = ui.toggle(names, value=self._recall("view", VIEWS, "target"), on_change=self.request)
+            mark(self.view, "view", 'dense no-caps aria-label="View in space"')
+            self.space = SpaceView("View in space", f"/studio/see/{self.key}/").classes("w-full grow")
+            mark(self.space, "space")
+            self.waiting = [draw_skeleton("grow")]
+            self.space.set_visibility(False)
+        with splitter.after, ui.column().classes("w-full gap-0 h-full pl-2 studio-right"):
+            self._draw_right()
         self.timer = ui.timer(_EVERY_S, self._play, active=False)
         client, is_dark = ui.context.client, "document.body.classList.contains('body--dark')"
         tell = f"emitEvent('studio_dark', {is_dark})"
@@ -99,6 +101,16 @@ class SeePage:
         ui.on("studio_dark", self._set_dark)
         tab.assessed.subscribe(self.request)
         tab.end_chosen.subscribe(self._go_to_end)
+
+    def _recall(self, key: str, names: Collection[str], usual: str) -> str:
+        """Return what was selected before a reload, or what is usual."""
+        kept = self.tab.selection.get(key, "")
+        return kept if kept in names else usual
+
+    def _recall_numbers(self) -> list[str]:
+        """Return the row of the frame, and the row and column of the pixel, that were selected before a reload."""
+        pixel = self.tab.selection.get("pixel", "").split(",")
+        return [self.tab.selection.get("frame", ""), *(pixel if len(pixel) == 2 else ("", ""))]
 
     def _draw_bars(self) -> None:
         with mark(ui.row().classes("w-full items-center gap-2"), "problem") as self.problem:
@@ -130,7 +142,7 @@ class SeePage:
             for name, label in names.items():
                 mark(ui.tab(name, label=label), f"show-{name}")
         self.pictures, self.skeletons = dict[str, ui.interactive_image](), dict[str, Any]()
-        with ui.tab_panels(self.tabs, value="image").classes("w-full grow"):
+        with ui.tab_panels(self.tabs, value=self._recall("figure", names, "image")).classes("w-full grow"):
             with ui.tab_panel("image").classes("gap-1 p-1"):
                 self._draw_image_panel()
             with ui.tab_panel("cloud").classes("h-full gap-1"):
@@ -147,10 +159,12 @@ class SeePage:
                     picture = ui.interactive_image(on_mouse=self._choose_time if is_timeline else None, sanitize=False)
                     mark(picture.classes("w-full"), f"figure-{name}", f'role=img aria-label="{name} of the scenario"')
                     if is_timeline:
-                        picture.classes("cursor-crosshair").tooltip("A click goes to that time")
+                        picture.classes("cursor-crosshair")
                     else:
-                        picture.classes("cursor-pointer").tooltip("A click opens it alone")
-                        picture.on("click", js_handler=_OPEN_PICTURE)
+                        picture.classes("cursor-pointer").on("click", js_handler=_OPEN_PICTURE)
+                    hint = "A click goes to that time" if is_timeline else "A click opens it alone"
+                    with picture:
+                        ui.tooltip(hint).props('anchor="top middle" self="top middle" delay=500')
                     self.pictures[name] = picture
             with ui.tab_panel("text"):
                 self.text = ui.label().classes("studio-description")
@@ -191,7 +205,7 @@ class SeePage:
 
     def _go_to_end(self) -> None:
         """Show the last frame, or show it first where nothing is shown yet."""
-        self.goes_to_end = self.flight is None or self.tab.document is not self.of
+        self.opens_at = 10**9 if self.flight is None or self.tab.document is not self.of else 0
         self._step(10**9)
 
     def _choose_time(self, event: events.MouseEventArguments) -> None:
@@ -227,6 +241,7 @@ class SeePage:
             row, col = (min(max(k, 0), n - 1) for k, n in zip(asked, self.frame.valid.shape, strict=True))
             if (row, col) != self.pixel:
                 self.pixel = row, col
+                self.tab.select("pixel", f"{row},{col}")
                 self.request()
 
     def request(self, *_: Any) -> None:
@@ -278,13 +293,15 @@ class SeePage:
         if self.tab.document is not self.of:
             self.of = self.tab.document
             self.space.run_method("forget")
-        self.flight, self.slider.value = flight, min(int(self.slider.value), len(flight.numbers) - 1)
-        self.slider.props(f"max={max(len(flight.numbers) - 1, 0)}")
-        if self.goes_to_end:
-            self.goes_to_end, self.slider.value = False, len(flight.numbers) - 1
+        last = len(flight.numbers) - 1
+        self.slider.props(f"max={max(last, 0)}")
+        self.flight, self.slider.value = flight, min(self.opens_at or int(self.slider.value), last)
+        self.opens_at = 0
         self.cloud_axes.set_options(["lidar", *flight.targets])
         self.view.set_options({k: k.capitalize() for k in VIEWS if k != "orbit" or not flight.scenario.is_local})
-        self.text.text, self.pixel, self.axis = "", (-1, -1), None
+        self.text.text, self.pixel, self.axis = "", self.first_pixel, None
+        self.row.value, self.col.value = (max(k, 0) for k in self.pixel)
+        self.first_pixel = (-1, -1)
         for name, picture in self.pictures.items():
             picture.set_source("")
             picture.content = ""
@@ -310,6 +327,8 @@ class SeePage:
         """Make and show what is visible of a row."""
         shown, view = self.tabs.value or "image", self.view.value or "target"
         self.when.text = flight.describe_moment(row)
+        for key, value in (("view", view), ("figure", shown), ("frame", str(row))):
+            self.tab.select(key, value)
         if self.frame is None:  # the first one may take long; the view in space does not
             await self._show_space(flight, row, view)
             self.note.text = self.note.text or _FIRST

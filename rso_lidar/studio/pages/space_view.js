@@ -2,7 +2,7 @@
 import { CSS2DObject, CSS2DRenderer, OrbitControls, THREE } from "nicegui-scene";
 
 const models = new Map(); // geometries of targets by address, kept while the page lives
-const FAR_AWAY = 1e6; // radius of the sky, which goes along with the camera
+const FAR_AWAY = 9e9; // radius of the sky, which goes along with the camera
 const CLICK_PX = 10; // a click chooses the nearest point within this distance
 const NUDGES_PX = [0, -13, 13, -26, 26, -39, 39];
 
@@ -101,7 +101,7 @@ export default {
       this.$refs.legend.textContent = "This browser has no WebGL: views in space need it.";
       return;
     }
-    this.camera = new THREE.PerspectiveCamera(40, 1, 1e-3, 1e8);
+    this.camera = new THREE.PerspectiveCamera(40, 1, 1e-3, 1e10);
     this.disc = make_disc();
     this.words = new CSS2DRenderer({ element: this.$refs.words });
     this.controls = new OrbitControls(this.camera, this.$refs.canvas);
@@ -160,7 +160,7 @@ export default {
           if (item.kind === "lines") scene.add(new THREE.LineSegments(geometry, new THREE.LineBasicMaterial(style)));
           else {
             Object.assign(style, { size: item.size, sizeAttenuation: false });
-            if (item.kind === "sky") Object.assign(style, { map: this.disc, depthTest: false, depthWrite: false });
+            if (item.kind === "sky") Object.assign(style, { map: this.disc, depthWrite: false });
             if (item.on_top) style.depthTest = false;
             const points = new THREE.Points(geometry, new THREE.PointsMaterial(style));
             if (item.on_top) points.renderOrder = 1;

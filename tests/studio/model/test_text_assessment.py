@@ -16,7 +16,6 @@ from rso_lidar.studio.model.text_assessment import (
     check_file,
     check_study,
     describe,
-    estimate_run,
     list_warnings,
 )
 from tests.scene.meshes.test_mesh import BOX, binary_stl
@@ -228,14 +227,6 @@ def test_a_flown_scenario_is_described_with_its_warnings(folder, in_millimetres)
     with collect_warnings():
         _ = scenario.surfaces
     assert any("probe.stl is 3000 m across" in line for line in list_printed(scenario))
-
-
-def test_a_run_is_estimated_by_the_frames_that_it_makes(folder, text):
-    scenario = assess(text, folder, "a.toml").scenario
-    assert estimate_run(scenario, "2:8", 0.5).startswith("6 of 10 frames in all; some 12 s,")
-    assert estimate_run(scenario, "", 100.0).startswith("10 of 10 frames in all; some 1 s,")
-    with pytest.raises(ScenarioError):
-        estimate_run(scenario, "eight", 1.0)
 
 
 STUDY = """version = 1
