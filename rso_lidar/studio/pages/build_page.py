@@ -27,7 +27,7 @@ class BuildPage:
 
     def __init__(self, tab: BrowserTab) -> None:
         self._tab, self._place = tab, tab.selection.get("table", "")
-        self._here: int | None = None  # line of the text that holds what was chosen in the form
+        self._here = ""  # place whose line is marked, because it was chosen in the form
         self._shape: Any = None
         self._form: TableForm | None = None
         self._last_message = ""
@@ -112,16 +112,18 @@ class BuildPage:
 
     def _reveal(self, place: str) -> None:
         """Scroll the text to a place, and mark its line."""
-        self._here = find_line(self._tab.document.text, place) if place else 1
-        if self._here:
-            self._editor.reveal_line(self._here)
+        self._here = place
+        line = find_line(self._tab.document.text, place) if place else 1
+        if line:
+            self._editor.reveal_line(line)
         self._mark_lines()
 
     def _mark_lines(self) -> None:
         """Mark the line that was chosen in the form, and that of the problem."""
         assessment = self._tab.assessment
         problem = assessment.line if assessment else None
-        marks = ((self._here, "studio-here-line"), (problem, "studio-bad-line"))
+        here = find_line(self._tab.document.text, self._here) if self._here else None
+        marks = ((here, "studio-here-line"), (problem, "studio-bad-line"))
         lines = [{"kind": "line", "line": line, "class": name} for line, name in marks if line]
         if self._editor.decorations != lines:
             self._editor.decorations = lines

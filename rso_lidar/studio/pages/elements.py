@@ -66,9 +66,9 @@ def draw_table(columns: Mapping[str, str], choose: Callable[[list[dict[str, Any]
     choose : called with the chosen row in a list, which is empty where none is left
     """
 
-    def take_click(event: Any) -> None:
+    def take_click(event: Any) -> Any:
         table.selected = [row for row in table.rows if row["name"] == event.args]
-        choose(table.selected)
+        return choose(table.selected)
 
     table = ui.table(
         columns=[{"name": k, "field": k, "label": v, "align": "left", "sortable": True} for k, v in columns.items()],

@@ -153,7 +153,7 @@ class SeePage:
                 self.cloud = SpaceView("Point cloud", f"/studio/see/{self.key}/").classes("w-full studio-cloud")
                 self.cloud.on("pick", self._pick)
             for name in SCENARIO_FIGURES:
-                with ui.tab_panel(name).classes("p-1 gap-1"):
+                with ui.tab_panel(name).classes("p-1 gap-1").props("tabindex=0"):  # long ones scroll
                     self.skeletons[name] = draw_skeleton("studio-cloud")
                     is_timeline = name == "timeline"
                     picture = ui.interactive_image(on_mouse=self._choose_time if is_timeline else None, sanitize=False)
