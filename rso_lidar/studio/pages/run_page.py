@@ -70,7 +70,7 @@ class RunPage:
         self._speed: RunSpeed | None = None
         self._speed_of: Assessment | None = None
         self._is_measuring = False
-        splitter = draw_splitter("jobs", 432, (300, 800))
+        splitter = draw_splitter("jobs", 432, (300, 800)).classes("studio-run")
         with splitter.before, ui.column().classes("w-full p-4 gap-4"):
             self._draw_form()
             ui.label("Jobs").classes("text-base font-medium")
