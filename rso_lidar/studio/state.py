@@ -144,6 +144,8 @@ class BrowserTab:
             self.document.keep_draft()
         self.document.listeners.discard(self._on_change)
         self.document = document
+        for key in ("table", "frame", "pixel"):  # of the last document
+            self.selection.pop(key, None)
         self._listen()
 
     def _listen(self) -> None:

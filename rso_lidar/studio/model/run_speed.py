@@ -69,7 +69,7 @@ def estimate_run(scenario: Scenario, frames: str, speed: RunSpeed | None) -> str
     words = f"{len(chosen):,} of {scenario.time.n_frames:,} frames in all; "
     if speed is None:
         return words + "timing some of them"
-    return f"{words}about {_format_duration(speed.estimate_s(chosen))}, from the time of {len(speed.numbers)} of them"
+    return f"{words}about {_format_duration(speed.estimate_s(chosen))} ({len(speed.numbers)} frames were timed)"
 
 
 def _format_duration(seconds: float) -> str:

@@ -87,7 +87,7 @@ def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str, pic
                 if picture:
                     with ui.item_section().props("avatar"):
                         image = ui.image(picture.format(name)).classes("studio-thumbnail")
-                        image.props('alt="" loading=lazy ratio=1 no-spinner fit=contain')
+                        image.props(f'alt="Target of {name}" loading=lazy ratio=1 no-spinner fit=contain')
                 with ui.item_section():
                     ui.item_label(name)
                     if caption:
@@ -109,7 +109,7 @@ def draw_splitter(key: str, usual: int, limits: tuple[int, int], unit: str = "px
     unit : "px" or "%"
     """
     kept = read_memory(f"{key}_width")
-    width = int(kept) if kept.isdecimal() and limits[0] <= int(kept) <= limits[1] else usual
+    width = int(kept) if kept.isdecimal() and len(kept) < 5 and limits[0] <= int(kept) <= limits[1] else usual
     splitter = (
         ui.splitter(value=width, limits=limits).classes("w-full").props(f"unit={unit} separator-class=studio-border")
     )

@@ -64,8 +64,8 @@ class Guide:
     def _point_at(self, name: str) -> None:
         """Outline the element with a mark, and no other."""
         self._client.run_javascript(
-            "for (const one of document.querySelectorAll('.studio-pointed')) one.classList.remove('studio-pointed');"
-            f"document.querySelector('[data-test=\"{name or 'none'}\"]')?.classList.add('studio-pointed')"
+            "for (const one of document.querySelectorAll('[data-pointed]')) one.removeAttribute('data-pointed');"
+            f"document.querySelector('[data-test=\"{name or 'none'}\"]')?.setAttribute('data-pointed', '')"
         )
 
     def _close(self) -> None:

@@ -73,7 +73,7 @@ class SeePage:
         self.frame_of: Any = None  # flight, row and intermediate products of the frame
         self.axis: TimeAxis | None = None  # of the timeline
         self.version, self.busy, self.again, self.whole, self.of = 0, False, False, False, tab.document
-        frame, *pixel = (int(n) if n.isdecimal() else -1 for n in self._recall_numbers())
+        frame, *pixel = (int(n) if n.isdecimal() and len(n) < 7 else -1 for n in self._recall_numbers())
         self.opens_at = max(frame, 0)  # row that is shown first
         self.first_pixel = (pixel[0], pixel[1])
         panel = ui.context.slot.parent
@@ -82,6 +82,7 @@ class SeePage:
             self.panels.on_value_change(self.request)
         self._draw_bars()
         splitter = draw_splitter("space", 44, (20, 75), "%").classes("studio-see")
+        self.parts.append(splitter)
         with splitter.before, ui.column().classes("w-full gap-1 h-full pr-2 studio-space"):
             names = {name: name.capitalize() for name in VIEWS}
             self.view = ui.toggle(names, value=self._recall("view", VIEWS, "target"), on_change=self.request)
@@ -117,7 +118,7 @@ class SeePage:
             self.problem_text = ui.label().classes("grow").props("role=alert")
             draw_button("Show in Build", self._go_to_build)
         self.problem.set_visibility(False)
-        with ui.row(wrap=False).classes("w-full items-center gap-1"):
+        with ui.row(wrap=False).classes("w-full items-center gap-1") as bar:
             draw_icon_button("skip_previous", "Previous frame", partial(self._step, -1))
             draw_icon_button("skip_next", "Next frame", partial(self._step, 1))
             self.play = draw_icon_button("play_arrow", "Play", self._toggle_play)
@@ -126,6 +127,7 @@ class SeePage:
             self.slider.on("keydown.home", partial(self._step, -(10**9))).on("keydown.end", partial(self._step, 10**9))
             when = ui.label().classes("text-sm tabular-nums text-right whitespace-nowrap studio-when")
             self.when = mark(when, "when")
+        self.parts: list[Any] = [bar]
         with ui.row().classes("w-full items-center gap-2 studio-note"):
             self.spinner = ui.spinner(size="sm")
             self.note = mark(ui.label().classes("text-sm"), "note", "role=status")
@@ -272,6 +274,8 @@ class SeePage:
         self.problem_text.text = text
         self.problem_text.classes(replace="grow text-negative" if is_error else "grow studio-empty")
         self.problem.set_visibility(bool(text))
+        for part in self.parts:  # nothing can be seen yet
+            part.set_visibility(not text or self.flight is not None)
         self.note.text = "Below: the last version that could be flown." if text and self.flight else ""
         for element in (self.space, self.image, self.cloud):
             element.classes("studio-old") if text else element.classes(remove="studio-old")

@@ -13,9 +13,9 @@ def test_a_run_is_estimated_by_the_frames_that_it_makes(text):
     scenario = rl.Scenario.loads(text)
     assert SPEED.estimate_s([0, 5, 9]) == 12.0
     assert SPEED.estimate_s([7]) == 3.0 + 4.0  # half way between the frames that were timed
-    assert estimate_run(scenario, "0:1", SPEED).startswith("1 of 10 frames in all; about 4 s,")
+    assert estimate_run(scenario, "0:1", SPEED).startswith("1 of 10 frames in all; about 4 s (")
     assert estimate_run(scenario, "", RunSpeed((0, 9), (60.0, 60.0), 0.0)).startswith(
-        "10 of 10 frames in all; about 10 min,"
+        "10 of 10 frames in all; about 10 min ("
     )
     assert estimate_run(scenario, "2:8", None).startswith("6 of 10 frames in all; timing")
     with pytest.raises(ScenarioError):
