@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         build_whole_surface,
         find_symmetry,
         find_taxonomy,
+        name_part_materials,
     )
     from rso_lidar.scenario.mission.validation import (
         FilePart,
@@ -169,6 +170,7 @@ __all__ = [
     "load_presets",
     "move_target",
     "name_fragments",
+    "name_part_materials",
     "open_aspects",
     "parse_frames",
     "place_hull",

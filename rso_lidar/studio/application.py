@@ -45,19 +45,24 @@ def make_root(workspace: Workspace) -> Callable[[], Any]:
     def root() -> None:
         ui.colors(primary="#1f6feb", secondary="#4b7a9f", accent="#b35900", positive="#1a7f37", negative="#c62828")
         ui.add_css(_BESIDE / "style.css")
-        for name in ("names.js", "shortcuts.js"):
+        for name in ("memory.js", "names.js", "shortcuts.js"):
             ui.add_head_html(f"<script>{(_BESIDE / name).read_text(encoding='utf-8')}</script>")
         client = ui.context.client
-        tab = BrowserTab(workspace, workspace.first_document(client.request.query_params.get("file", "")))
+        selection = dict(client.request.query_params)
+        tab = BrowserTab(workspace, workspace.first_document(selection.get("file", "")), selection)
         guide = Guide(tab)
         with ui.header().classes("studio-header"):
             chosen = draw_header(tab, guide)
-        with ui.tab_panels(chosen, value="build", keep_alive=True).classes("w-full studio-pages"):
+        first = selection.get("page") if selection.get("page") in _PAGES else "build"
+        with ui.tab_panels(chosen, value=first, keep_alive=True).classes("w-full studio-pages"):
             for name, draw in _PAGES.items():
                 with ui.tab_panel(name).classes(f"studio-{name}-page"):
                     draw(tab)
-        keep = "history.replaceState(null, '', '?file=' + encodeURIComponent({}))"  # for a reload
-        tab.document_changed.subscribe(lambda: client.run_javascript(keep.format(json.dumps(tab.document.address))))
+        chosen.on_value_change(lambda event: tab.select("page", str(event.value)))
+        show = "show_document_in_address({})"
+        tab.document_changed.subscribe(lambda: client.run_javascript(show.format(json.dumps(tab.document.address))))
+        keep = "show_in_address({}, {})"
+        tab.selected.subscribe(lambda key, value: client.run_javascript(keep.format(*map(json.dumps, (key, value)))))
         client.on_connect(tab.open)
         client.on_delete(tab.close)
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 
 from nicegui import Event, run
 
@@ -113,15 +115,28 @@ class BrowserTab:
     - `warned`: they are known.
     - `field_chosen`: a page should show the field at a place, such as ``lidar.laser.energy_mj``.
     - `page_chosen`: another page is shown, by its name.
+    - `selected`: another value of a key of `selection`, which the address of the page keeps over a reload.
+    - `end_chosen`: the page See should show the last frame.
+    - `frames_proposed`: the page Run should propose these frames, such as ``440:540:4``.
     """
 
-    def __init__(self, workspace: Workspace, document: Document) -> None:
-        self.workspace, self.document = workspace, document
+    def __init__(
+        self, workspace: Workspace, document: Document, selection: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
+        self.workspace, self.document, self.selection = workspace, document, dict(selection)
+        self.selected = Event[[str, str]]()
         self.assessment: Assessment | None = None
         self.warnings: list[str] | None = None
         self.document_changed, self.assessed, self.warned = Event[[]](), Event[[]](), Event[[]]()
         self.field_chosen, self.page_chosen = Event[[str]](), Event[[str]]()
+        self.end_chosen, self.frames_proposed = Event[[]](), Event[[str]]()
         self._generation, self._warning = 0, asyncio.Lock()  # one text after the other: each takes seconds
+
+    def select(self, key: str, value: str) -> None:
+        """Note what is selected, so that a reload shows it again."""
+        if self.selection.get(key, "") != value:
+            self.selection[key] = value
+            self.selected.emit(key, value)
 
     def show(self, document: Document) -> None:
         """Show another document; of this one, a draft is kept."""
@@ -129,6 +144,8 @@ class BrowserTab:
             self.document.keep_draft()
         self.document.listeners.discard(self._on_change)
         self.document = document
+        for key in ("table", "frame", "pixel"):  # of the last document
+            self.selection.pop(key, None)
         self._listen()
 
     def _listen(self) -> None:

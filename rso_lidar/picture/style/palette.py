@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 Rgb = tuple[int, int, int]
 
 
@@ -88,6 +90,23 @@ def split_rgb(colour: str) -> Rgb:
     (255, 122, 24)
     """
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def dim(rgb: np.ndarray, towards: str) -> np.ndarray:
+    """Mix colours with that of their background, so that what they show stands back.
+
+    Parameters
+    ----------
+    rgb : (…, rgb) u1
+    towards : colour of the background, such as ``"#2e3036"``
+
+    Returns
+    -------
+    ndarray
+        (…, rgb) u1, of which a third is the colour.
+    """
+    mixed: np.ndarray = ((np.asarray(rgb, float) + 2.0 * np.array(split_rgb(towards))) / 3.0).round().astype(np.uint8)
+    return mixed
 
 
 def choose_ink(area: str | tuple[float, ...]) -> str:

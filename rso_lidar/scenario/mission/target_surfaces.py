@@ -116,7 +116,18 @@ def build_whole_surface(
 
 
 def name_part_materials(target: Target, mesh: Mesh) -> dict[str, str]:
-    """Return the catalogue's material of each part that has one, by the names of parts; single facets do not count."""
+    """Return the catalogue's material of each part that has one; materials of single facets do not count.
+
+    Parameters
+    ----------
+    target : with its materials
+    mesh : of the target
+
+    Returns
+    -------
+    dict of str
+        Names of materials by the names of parts. Parts whose material has no name are left out.
+    """
     own: dict[str, Material | str] = {}
     if target.fragment is not None and target.material is None:
         own = dict(build_fragment(target.fragment).materials)

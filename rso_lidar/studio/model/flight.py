@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import time
 from collections import OrderedDict
 from functools import cached_property
 from threading import Lock
@@ -13,8 +15,9 @@ from rso_lidar.picture import even_indices
 from rso_lidar.records import Frame, Truth
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulation import DETECTION, Simulation, flash
+from rso_lidar.studio.model.target_colours import find_part_colours
 
-_MOST_FRAMES, _MOST_FLIGHTS = 400, 4
+_MOST_FRAMES, _MOST_FLIGHTS, _MOST_FACETS = 400, 4, 150_000
 _flights: OrderedDict[str, PreviewFlight] = OrderedDict()
 _flights_lock = Lock()
 
@@ -24,9 +27,11 @@ class PreviewFlight:
 
     def __init__(self, scenario: Scenario) -> None:
         """Fly a scenario without making its frames."""
+        begin = time.perf_counter()
         self.scenario, self.numbers = scenario, even_indices(scenario.time.n_frames, _MOST_FRAMES)
         with Simulation(scenario, frames=self.numbers, commanded=False) as simulation:
             self.moments = [simulation.advance() for _ in self.numbers]
+        self.built_s = time.perf_counter() - begin
         self.targets = tuple(target.name for target in scenario.target)
         poses, base = self.moments[0].truth.poses, self.targets[0] if self.targets else "follower"
         self.base = base  # the body that views in space are about
@@ -55,6 +60,10 @@ class PreviewFlight:
         """Return where everything is at a row."""
         return self.moments[row].truth
 
+    def find_row(self, time_s: float) -> int:
+        """Return the row whose frame is nearest to a time."""
+        return int(np.argmin([abs(at.truth.time_s - time_s) for at in self.moments]))
+
     def matrix(self, row: int, name: str) -> np.ndarray:
         """Return the pose (4, 4) of axes in those that views in space are in."""
         matrix: np.ndarray = self.truth(row).pose(self.axes, name).as_matrix()
@@ -79,9 +88,15 @@ class PreviewFlight:
         return np.stack([self.matrix(row, "follower")[:3, 3] for row in range(len(self.numbers))])
 
     @cached_property
-    def surfaces(self) -> dict[str, np.ndarray]:
-        """Corners (facet, 3, xyz) f4 [m] of the surfaces by a hash of their geometry; of many facets, the largest."""
-        return {
-            surface.content: surface.corners[np.argsort(-surface.areas_m2)[:150_000]].astype("<f4")
-            for surface in self.scenario.surfaces
-        }
+    def models(self) -> dict[str, tuple[str, bytes]]:
+        """Models of the surfaces for a browser, by the surface's name: the hash of the bytes, and the bytes.
+
+        These are the corners (facet, 3, xyz) f4 [m], then the colours (facet, rgb) u1; of many facets, the largest.
+        """
+        models, targets = {}, {target.name: target for target in self.scenario.target}
+        for surface in self.scenario.surfaces:
+            colours = find_part_colours(targets[surface.body], surface.mesh)
+            shown = np.argsort(-surface.areas_m2)[:_MOST_FACETS]
+            packed = surface.corners[shown].astype("<f4").tobytes() + colours[surface.part[shown]].tobytes()
+            models[surface.name] = hashlib.sha256(packed).hexdigest(), packed
+        return models

@@ -1,4 +1,7 @@
-"""Views of a flight in space: orbits, relative motion, and the lidar with its target."""
+"""Views of a flight in space: orbits, relative motion, and the lidar with its target, under the stars.
+
+The sky is dark in both schemes of the page, as images are.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rso_lidar.picture import LIGHT, Scheme, is_about_earth, osculating_orbit_m, palette
-from rso_lidar.pose import ROOT, rotate_vectors
+from rso_lidar.picture import DARK, is_about_earth, osculating_orbit_m
+from rso_lidar.pose import ROOT
 from rso_lidar.studio.model.flight import PreviewFlight
 from rso_lidar.studio.model.space_scene import SpaceScene
 from rso_lidar.units import DEG, EARTH_RADIUS_M
@@ -16,21 +19,21 @@ from rso_lidar.units import DEG, EARTH_RADIUS_M
 _MM = 1e-6  # 1,000 km, the unit of views of orbits
 
 
-def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+def draw_orbit(flight: PreviewFlight, row: int) -> SpaceScene:
     """Draw the Earth and the orbits of all bodies in inertial axes, in units of 1,000 km."""
-    scene, truth = SpaceScene("orbit", scheme), flight.truth(row)
+    scene, truth = SpaceScene("orbit", DARK), flight.truth(row)
     radius = EARTH_RADIUS_M * _MM
-    scene.header["items"].append({"kind": "sphere", "radius": radius, "colour": palette.DAY})
-    scene.header["sun"], scene.header["ambient"] = np.nan_to_num(truth.sun_direction).tolist(), 0.15
+    scene.sky(np.eye(3), truth.sun_direction)
+    scene.earth(radius, (0.0, 0.0, 0.0))
     turn = np.linspace(0.0, 2.0 * np.pi, 97)
     for angle in np.arange(-60.0, 61.0, 30.0) * DEG:
         ring = [np.cos(turn) * np.cos(angle), np.sin(turn) * np.cos(angle), np.full(97, np.sin(angle))]
-        scene.path(1.003 * radius * np.stack(ring, axis=1), scheme.quiet, opacity=0.35)
+        scene.path(1.003 * radius * np.stack(ring, axis=1), DARK.quiet, opacity=0.35)
     for angle in np.arange(0.0, 180.0, 30.0) * DEG:
         ring = [np.cos(turn) * np.cos(angle), np.cos(turn) * np.sin(angle), np.sin(turn)]
-        scene.path(1.003 * radius * np.stack(ring, axis=1), scheme.quiet, opacity=0.35)
+        scene.path(1.003 * radius * np.stack(ring, axis=1), DARK.quiet, opacity=0.35)
     farthest, entries = radius, []
-    for name, colour in zip(truth.states, itertools.cycle(scheme.lines), strict=False):
+    for name, colour in zip(truth.states, itertools.cycle(DARK.lines), strict=False):
         state = truth.states[name]
         if np.linalg.norm(state.position_m) < 0.9 * EARTH_RADIUS_M:
             continue  # a body of local axes, near their origin
@@ -44,9 +47,6 @@ def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Space
         scene.add("points", [state.position_m * _MM], colour, size=9)
         entries.append((colour, name))
         farthest = max(farthest, float(np.linalg.norm(orbit, axis=1).max()))
-    if np.isfinite(truth.sun_direction).all():
-        scene.add("lines", [truth.sun_direction * radius * 1.05, truth.sun_direction * radius * 1.5], scheme.mark)
-        scene.label("to the Sun", truth.sun_direction * radius * 1.55)
     scene.label("N", (0.0, 0.0, 1.12 * radius))
     # From the follower's side, above the equator and towards the Sun, so that day, night and the follower are seen.
     here, sun = truth.states["follower"].position_m, np.nan_to_num(truth.sun_direction)
@@ -55,55 +55,57 @@ def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Space
     return scene
 
 
-def draw_relative(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+def draw_relative(flight: PreviewFlight, row: int) -> SpaceScene:
     """Draw the path of the follower about the first target, in the target's rtn axes [m]."""
-    scene, path = SpaceScene("relative", scheme), flight.path_m
+    scene, path = SpaceScene("relative", DARK), flight.path_m
     corners = np.array([path.min(axis=0, initial=0.0), path.max(axis=0, initial=0.0)])
     middle, span = corners.mean(axis=0), max(0.5 * float(np.linalg.norm(np.ptp(corners, axis=0))), 1.0)
     rtn = flight.axes.endswith(".rtn")
     scene.axes(np.eye(4), 0.35 * span, "rtn" if rtn else flight.axes)
-    scene.path(path, scheme.lines[0])
-    scene.add("points", [path[row]], scheme.mark, size=10)
+    scene.path(path, DARK.lines[0])
+    scene.add("points", [path[row]], DARK.mark, size=10)
     scene.label(f"follower, {np.linalg.norm(path[row]):,.1f} m", path[row])
     scene.label(flight.base, (0.0, 0.0, 0.0))
-    _add_targets(scene, flight, row, np.zeros(3))
+    _add_targets(scene, flight, row)
     eye = middle + 3.8 * span * np.array([0.35, -0.25, -1.0] if rtn else [0.2, -1.0, 0.5])
     scene.look(eye, middle, (1.0, 0.0, 0.0) if rtn else (0.0, 0.0, 1.0))
-    scene.header["legend"] = {"title": flight.axes, "entries": [(scheme.lines[0], "path"), (scheme.mark, "now")]}
+    scene.header["legend"] = {"title": flight.axes, "entries": [(DARK.lines[0], "path"), (DARK.mark, "now")]}
     return scene
 
 
-def draw_target(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+def draw_target(flight: PreviewFlight, row: int) -> SpaceScene:
     """Draw the first target in its attitude, in the Sun's light, with the field of view and the beam about it [m]."""
-    scene = SpaceScene("target", scheme)
     pose, lidar = flight.matrix(row, flight.base), flight.matrix(row, "lidar")
+    scene = SpaceScene("target", DARK, pose[:3, 3])
     size = max((surface.radius_m for surface in flight.scenario.surfaces if surface.body == flight.base), default=1.0)
-    _add_targets(scene, flight, row, pose[:3, 3])
-    _add_lidar(scene, flight, row, pose[:3, 3])
-    pose[:3, 3] = 0.0
-    scene.axes(pose, 1.3 * size, flight.base)
-    toward = _unit(lidar[:3, 3] - flight.matrix(row, flight.base)[:3, 3])
+    _add_targets(scene, flight, row)
+    _add_lidar(scene, flight, row)
+    at_origin = pose.copy()
+    at_origin[:3, 3] = 0.0
+    scene.axes(at_origin, 1.3 * size, flight.base)
+    toward = _unit(lidar[:3, 3] - pose[:3, 3])
     right, up = lidar[:3, 0], -lidar[:3, 1]  # as in the images
     scene.look(3.4 * size * _unit(toward + 0.3 * right + 0.25 * up), up=up)
     return scene
 
 
-def draw_lidar(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+def draw_lidar(flight: PreviewFlight, row: int) -> SpaceScene:
     """Draw follower, PTU and lidar with their axes, the field of view and the beam to the target [m]."""
-    scene, lidar = SpaceScene("lidar", scheme), flight.matrix(row, "lidar")
+    lidar = flight.matrix(row, "lidar")
+    scene = SpaceScene("lidar", DARK, lidar[:3, 3])
     for name, length in (("follower", 1.2), ("ptu", 0.8), ("lidar", 0.6)):
         if name in flight.truth(row).poses:
             pose = flight.matrix(row, name)
             pose[:3, 3] -= lidar[:3, 3]
             scene.axes(pose, length, name)
-    _add_targets(scene, flight, row, lidar[:3, 3])
-    _add_lidar(scene, flight, row, lidar[:3, 3])
+    _add_targets(scene, flight, row)
+    _add_lidar(scene, flight, row)
     boresight, down = lidar[:3, 2], lidar[:3, 1]
     scene.look(-3.5 * boresight - 1.4 * down + 1.2 * lidar[:3, 0], 2.0 * boresight, -down)
     return scene
 
 
-VIEWS: dict[str, Callable[[PreviewFlight, int, Scheme], SpaceScene]] = {
+VIEWS: dict[str, Callable[[PreviewFlight, int], SpaceScene]] = {
     "orbit": draw_orbit, "relative": draw_relative, "target": draw_target, "lidar": draw_lidar,
 }  # fmt: skip
 
@@ -122,41 +124,41 @@ def _dash(line: np.ndarray) -> np.ndarray:
     return np.stack([fine[:-1], fine[1:]], axis=1)[::2]
 
 
-def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.ndarray) -> None:
-    """Add the meshes of all targets in their attitudes, the angles of hinges included, and the Sun's light.
-
-    Parameters
-    ----------
-    origin : of the scene (xyz) [m] in the axes of the flight
-    """
-    truth = flight.truth(row)
+def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int) -> None:
+    """Add the meshes of all targets in their attitudes, the angles of hinges included, the sky, and the Earth."""
+    truth, origin = flight.truth(row), scene.origin_m
     for surface in flight.scenario.surfaces:
         pose = flight.matrix(row, surface.name)
         pose[:3, 3] -= origin
-        item = {
-            "kind": "model",
-            "content": surface.content,
-            "matrix": pose.T.ravel().tolist(),
-            "colour": palette.OTHER_PART,
-        }
+        item = {"kind": "model", "content": flight.models[surface.name][0], "matrix": pose.T.ravel().tolist()}
         scene.header["items"].append(item)
         if "." in surface.name:
             scene.label(surface.name, pose[:3, 3])
-    if np.isfinite(truth.sun_direction).all():
-        sun = rotate_vectors(truth.pose(flight.axes, ROOT).rotation, truth.sun_direction)
-        scene.header["sun"] = sun.tolist()
+    from_root = truth.pose(flight.axes, ROOT)
+    scene.sky(from_root.rotation.as_matrix(), truth.sun_direction, truth.sunlit.get(flight.base, 1.0))
+    if not flight.scenario.is_local:
+        scene.earth(EARTH_RADIUS_M, from_root.translation - origin)
 
 
-def _add_lidar(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.ndarray) -> None:
-    """Add the pyramid of the field of view and the beam, as far as the first target.
+def mark_sight(scene: SpaceScene, flight: PreviewFlight, row: int, point_m: np.ndarray, words: str) -> None:
+    """Mark a measured point in a view in metres, with the line of sight to it.
 
     Parameters
     ----------
-    origin : of the scene (xyz) [m] in the axes of the flight
+    point_m : (xyz) [m] in lidar axes
     """
+    pose = flight.matrix(row, "lidar")
+    here, there = pose[:3, 3] - scene.origin_m, pose[:3, :3] @ point_m + pose[:3, 3] - scene.origin_m
+    scene.add("lines", [here, there], DARK.mark, opacity=0.7)
+    scene.mark(there, words)
+
+
+def _add_lidar(scene: SpaceScene, flight: PreviewFlight, row: int) -> None:
+    """Add the pyramid of the field of view and the beam, as far as the first target."""
+    origin = scene.origin_m
     lidar, far = flight.moments[row].lidar, flight.range_m(row)
     far = far if np.isfinite(far) and far > 0.0 else 100.0
-    pose, lines = flight.matrix(row, "lidar"), LIGHT.lines
+    pose, lines = flight.matrix(row, "lidar"), DARK.lines
     wide, high = lidar.receiver.field_edge
     t, turn = lidar.laser.half_width_tangent, np.linspace(0.0, 2.0 * np.pi, 49)
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], float)

@@ -20,6 +20,7 @@ from rso_lidar.picture import (
     draw_panel,
     draw_text,
     figures,
+    find_target_returns,
     palette,
 )
 from rso_lidar.records import Frame
@@ -44,9 +45,12 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, bes
     saturated = int(frame.saturated.sum())
     kind, low, high = scale.intensity_words
     ranges, counts = scale.range_rgb(frame.range_m, 0.0), scale.intensity_rgb(frame.intensity_counts)
+    false = np.asarray(frame.valid) & ~find_target_returns(frame)
+    ranges[false] = palette.dim(ranges[false], palette.NO_RETURN)
+    counts[false] = palette.dim(counts[false], palette.NO_LIGHT)
     ends_m = (f"{scale.low_m:,.2f}", f"{scale.high_m:,.2f} m")
     panels = (
-        _Panel("Range", "dark: no return", colour_maps.RANGE_RAMP, ranges, palette.NO_RETURN, ends_m),
+        _Panel("Range", "dark: no return, dim: false", colour_maps.RANGE_RAMP, ranges, palette.NO_RETURN, ends_m),
         _Panel(
             kind,
             f"{saturated:,} saturated" if saturated else "",
@@ -62,24 +66,28 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, bes
 def draw_difference(first: Frame, other: Frame, scheme: Scheme = LIGHT) -> bytes:
     """Draw the differences of range and of intensity of two frames, where both report, as PNG; zero is white.
 
-    The colours end at the 99th percentile of the magnitude.
+    The colours end at the 99th percentile of the magnitude, over returns from targets. Where one of the two is false, the
+    difference is dim.
 
     Parameters
     ----------
     first, other : the frames; what is shown is the second minus the first
     scheme : `LIGHT` or `DARK`
     """
-    window, both = choose_window(first, other), first.valid & other.valid
+    window, both = choose_window(first, other), np.asarray(first.valid & other.valid)
+    true = both & find_target_returns(first) & find_target_returns(other)
+    counted = true if true.any() else both
     panels = []
     for title, unit, differences in (
         ("Range B − A", "m", np.asarray(other.range_m, float) - first.range_m),
         ("Intensity B − A", "counts", np.asarray(other.intensity_counts, float) - first.intensity_counts),
     ):
         known = np.where(both, differences, np.nan)
-        size = np.abs(known[both])
+        size = np.abs(known[counted])
         limit = figures.round_up(float(np.percentile(size, 99))) if size.size and size.max() > 0.0 else 1.0
         step = np.clip(np.nan_to_num(known) / limit * 127.5 + 127.5, 0, 255).round().astype(int)
         rgb = colour_maps.ramp(colour_maps.ERROR_RAMP)[step]
+        rgb[both & ~true] = palette.dim(rgb[both & ~true], palette.NO_RETURN)
         rgb[~both] = palette.split_rgb(palette.NO_RETURN)
         panels.append(
             _Panel(

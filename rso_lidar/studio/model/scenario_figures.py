@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
+from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
@@ -30,8 +31,30 @@ SCENARIO_FIGURES: dict[str, Callable[[Scenario], Any]] = {
 }
 
 
-def draw_figure(name: str, scenario: Scenario, scheme: Scheme) -> bytes:
-    """Draw a figure of a scenario as PNG.
+@dataclass(frozen=True)
+class TimeAxis:
+    """The time axis that the panels of a figure share: its ends in the image [pixels] and in time [s]."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+    begins_s: float
+    ends_s: float
+
+    def draw_cursor(self, time_s: float, colour: str) -> str:
+        """Return a line through all panels at a time, as SVG over the image."""
+        x = self.left + (self.right - self.left) * (time_s - self.begins_s) / (self.ends_s - self.begins_s)
+        ends = f'x1="{x:.1f}" x2="{x:.1f}" y1="{self.top:.1f}" y2="{self.bottom:.1f}"'
+        return f'<line {ends} stroke="{colour}" stroke-width="3"/>'
+
+    def find_time_s(self, x: float) -> float:
+        """Return the time [s] at a place of the image [pixels]."""
+        return self.begins_s + (self.ends_s - self.begins_s) * (x - self.left) / (self.right - self.left)
+
+
+def draw_figure(name: str, scenario: Scenario, scheme: Scheme) -> tuple[bytes, TimeAxis | None]:
+    """Draw a figure of a scenario as PNG, and return it with its time axis if it has one.
 
     Parameters
     ----------
@@ -42,4 +65,14 @@ def draw_figure(name: str, scenario: Scenario, scheme: Scheme) -> bytes:
         figure = SCENARIO_FIGURES[name](scenario)
         picture.recolour(figure, scheme)
         figure.savefig(held, format="png", dpi=figures.PAGE_DPI)
-        return held.getvalue()
+        return held.getvalue(), _measure_time_axis(figure) if name == "timeline" else None
+
+
+def _measure_time_axis(figure: Any) -> TimeAxis:
+    """Measure the time axis of a figure that has been saved."""
+    scale = figures.PAGE_DPI / figure.dpi
+    height = figure.bbox.height * scale
+    boxes = [axes.get_position() for axes in figure.axes]
+    width = figure.bbox.width * scale
+    top, bottom = (1.0 - max(box.y1 for box in boxes)) * height, (1.0 - min(box.y0 for box in boxes)) * height
+    return TimeAxis(boxes[0].x0 * width, boxes[0].x1 * width, top, bottom, *figure.axes[0].get_xlim())

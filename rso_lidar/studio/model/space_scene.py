@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import json
 import struct
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rso_lidar.picture import LIGHT, Scale, Scheme, colour_maps, colour_parts, find_part_name, palette
+from rso_lidar.picture import (
+    LIGHT,
+    Scale,
+    Scheme,
+    colour_maps,
+    colour_parts,
+    find_part_name,
+    find_target_returns,
+    palette,
+)
 from rso_lidar.records import Frame
+from rso_lidar.units import DEG
 
 
 class SpaceScene:
@@ -18,9 +30,9 @@ class SpaceScene:
     Lines are pairs of positions. A browser keeps its camera while the `name` stays, and else begins with this one.
     """
 
-    def __init__(self, name: str, scheme: Scheme = LIGHT) -> None:
-        """Begin an empty scene."""
-        self.scheme = scheme
+    def __init__(self, name: str, scheme: Scheme = LIGHT, origin_m: np.ndarray | None = None) -> None:
+        """Begin an empty scene, whose origin (xyz) [m] may lie elsewhere in the axes that it is drawn in."""
+        self.scheme, self.origin_m = scheme, np.zeros(3) if origin_m is None else np.array(origin_m)
         self.header: dict[str, Any] = {
             "name": name,
             "paper": scheme.paper,
@@ -37,11 +49,11 @@ class SpaceScene:
         self.header["camera"] = {key: np.asarray(value, float).tolist() for key, value in camera.items()}
 
     def add(self, kind: str, positions: Any, colour: Any, **more: Any) -> None:
-        """Add points, lines (pairs of positions) or a mesh (triples of positions).
+        """Add points, lines (pairs of positions), or points of the sky.
 
         Parameters
         ----------
-        kind : "points", "lines" or "mesh"
+        kind : "points", "lines", or "sky" for round points in directions
         positions : (…, xyz)
         colour : one colour, or bytes (…, rgb) for each position
         **more : size of points [pixels], opacity, and whatever else the module of the browser knows
@@ -67,9 +79,9 @@ class SpaceScene:
         """
         self.add("lines", np.stack([points[:-1], points[1:]], axis=1), colour, **more)
 
-    def label(self, text: str, at: Any) -> None:
-        """Add a word at a position."""
-        self.header["labels"].append({"text": text, "at": np.asarray(at, float).tolist()})
+    def label(self, text: str, at: Any, *, is_sky: bool = False) -> None:
+        """Add a word at a position, or in a direction of the sky. Of words that would overlap, the first stays."""
+        self.header["labels"].append({"text": text, "at": np.asarray(at, float).tolist(), "sky": is_sky})
 
     def axes(self, matrix: np.ndarray, length: float, name: str) -> None:
         """Draw labelled axes, red, green and blue.
@@ -85,6 +97,39 @@ class SpaceScene:
             self.add("lines", [matrix[:3, 3], end], colour)
             self.label(letters[k], end)
 
+    def mark(self, at: np.ndarray, words: str) -> None:
+        """Mark the point (xyz) that the user has chosen."""
+        self.add("points", [at], self.scheme.mark, size=11, on_top=True)
+        self.label(words, at)
+
+    def sky(self, from_inertial: np.ndarray, sun: np.ndarray, sunlit: float = 1.0) -> None:
+        """Add the stars, and the Sun with its light.
+
+        Parameters
+        ----------
+        from_inertial : rotation (3, 3) from inertial axes to the scene's
+        sun : unit vector to the Sun (xyz) in inertial axes; NaN for no Sun, and then no stars: the world has no sky
+        sunlit : share of the Sun's disc that the targets see
+        """
+        if not np.isfinite(sun).all():
+            return
+        directions, magnitudes = _read_stars()
+        for brightest, faintest, size in ((-2.0, 1.5, 7), (1.5, 3.0, 5), (3.0, 5.0, 3.5)):
+            chosen = (magnitudes >= brightest) & (magnitudes < faintest)
+            # The eye's response is near logarithmic: a tenth of full brightness for each magnitude.
+            grey = np.clip(255.0 * (1.0 - 0.1 * np.maximum(magnitudes[chosen], 0.0)), 0, 255).astype(np.uint8)
+            self.add("sky", directions[chosen] @ from_inertial.T, np.repeat(grey[:, None], 3, axis=1), size=size)
+        toward = from_inertial @ sun
+        self.add("sky", [toward], "#fff2c4", size=22)
+        self.label("Sun", toward, is_sky=True)
+        self.header["sun"], self.header["sunlit"] = toward.tolist(), float(sunlit)
+
+    def earth(self, radius: float, at: Any) -> None:
+        """Add the Earth, with a day and a night side."""
+        colours = {"day": palette.OKABE_ITO[0], "night": palette.NIGHT}
+        item = {"kind": "earth", "radius": radius, "at": np.asarray(at, float).tolist(), **colours}
+        self.header["items"].append(item)
+
     def pack(self) -> bytes:
         """Return the scene: length of the header as uint32, the header, and the buffers of its items in order."""
         header = json.dumps(self.header).encode()
@@ -92,23 +137,39 @@ class SpaceScene:
         return struct.pack("<I", len(header)) + header + b"".join(self._buffers)
 
 
-def draw_cloud(frame: Frame, scheme: Scheme = LIGHT, colour: str = "range", axes: str = "lidar") -> bytes:
-    """Draw the point cloud of a frame.
+@cache
+def _read_stars() -> tuple[np.ndarray, np.ndarray]:
+    """Return unit vectors (star, xyz) in inertial axes to the bright stars, and their magnitudes."""
+    table = np.loadtxt(Path(__file__).parent / "bright_stars.csv", delimiter=",", skiprows=2)
+    ascension, declination = table[:, 0] * DEG, table[:, 1] * DEG
+    flat = np.cos(declination)
+    return np.stack([flat * np.cos(ascension), flat * np.sin(ascension), np.sin(declination)], axis=1), table[:, 2]
+
+
+def draw_cloud(
+    frame: Frame, scheme: Scheme = LIGHT, colour: str = "range", axes: str = "lidar", pixel: tuple[int, int] = (-1, -1)
+) -> bytes:
+    """Draw the point cloud of a frame. The returns are in the order of the rows and columns; false ones are dim.
 
     Parameters
     ----------
     scheme : `LIGHT` or `DARK`
+    pixel : row and column of the return that is marked, if there is one
     """
     scene, valid = SpaceScene(f"cloud {axes}", scheme), frame.valid
     points = frame.points_m[valid]
     if axes in frame.truth.poses and axes != "lidar":
         points = frame.truth.pose(axes, "lidar").apply(points.reshape(-1, 3))
     rgb, legend = _colour_points(frame, colour)
-    on = frame.labels.target[valid] >= 0
+    on = find_target_returns(frame)[valid]
+    rgb = np.where(on[:, None], rgb, palette.dim(rgb, scheme.paper))
     seen = points[on] if on.any() else points
     middle = np.median(seen, axis=0) if len(seen) else np.zeros(3)
     size = max(2.0 * float(np.percentile(np.linalg.norm(seen - middle, axis=1), 98)), 0.5) if len(seen) else 1.0
-    scene.add("points", points - middle, rgb, size=3)
+    scene.add("points", points - middle, rgb, size=3, pick=True)
+    if pixel >= (0, 0) and valid[pixel]:
+        number = int(np.flatnonzero(np.flatnonzero(valid) == pixel[0] * valid.shape[1] + pixel[1])[0])
+        scene.mark(points[number] - middle, "row {}, column {}".format(*pixel))
     toward = frame.truth.pose(axes, "lidar") if axes in frame.truth.poses else None
     # The camera looks as the lidar does, from a little to the side, so that depth shows; the image's up is up.
     matrix = np.eye(4) if toward is None else toward.as_matrix()

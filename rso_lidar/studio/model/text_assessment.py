@@ -9,7 +9,7 @@ from pathlib import Path
 from rso_lidar.errors import RsoLidarError, ScenarioError, collect_warnings, suppress_warnings
 from rso_lidar.files import explain_unreadable
 from rso_lidar.part import parse_toml
-from rso_lidar.scenario import Scenario, iterate_named_files, iterate_texts, list_named_code, parse_frames
+from rso_lidar.scenario import Scenario, iterate_named_files, iterate_texts, list_named_code
 from rso_lidar.scene import model
 from rso_lidar.shipped import find, is_shipped
 from rso_lidar.studio.model.problem_place import locate_problem
@@ -18,6 +18,7 @@ from rso_lidar.units import format_count
 
 _CODE = re.compile(r"\bdynamics\b|\bfmu\b", re.IGNORECASE)  # fields and files that hold Python or native code
 
+_BLANK = "No scenario yet. “New” on the page Build begins with an example."
 _STUDY = "a trade study or a dataset, not a scenario; choose it as the job on page Run, and start it"
 _CODE_REFUSED = "the studio runs none of a file; fly it with `rso-lidar run` on the command line"
 
@@ -37,6 +38,11 @@ class Assessment:
     refusal: str = ""
 
     @property
+    def is_blank(self) -> bool:
+        """Whether nothing has been written yet, which is no error."""
+        return not self.text.strip()
+
+    @property
     def is_ready(self) -> bool:
         """Whether the text is a scenario that may be flown."""
         return self.scenario is not None and not self.refusal
@@ -51,6 +57,8 @@ class Assessment:
 
 def assess(text: str, folder: Folder, title: str) -> Assessment:
     """Assess a text; the files that it names must lie inside the folder, or be shipped."""
+    if not text.strip():
+        return Assessment(text, None, _BLANK)
     refusal = ""
     try:
         with suppress_warnings():
@@ -152,24 +160,6 @@ def list_warnings(assessment: Assessment, folder: Folder, title: str) -> list[st
         except RsoLidarError as error:
             lines.append(str(error))
     return list(dict.fromkeys(lines))
-
-
-def estimate_run(scenario: Scenario, frames: str, rate_hz: float) -> str:
-    """Return how many frames a run makes, and about how long it takes, in one line.
-
-    Parameters
-    ----------
-    frames : which of its frames, as `rso-lidar run` takes them; empty for all
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario has no such frames.
-    """
-    count = len(scenario.time.choose_frames(parse_frames(frames or None)))
-    seconds = max(count / rate_hz, 1)
-    of = f"{count:,} of {scenario.time.n_frames:,} frames in all"
-    return f"{of}; some {seconds:,.0f} s, and 15 s more at the very first start"
 
 
 def check_file(name: str, folder: Folder, where: str) -> Path:

@@ -11,11 +11,11 @@ from nicegui import events, run, ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.scenario import Scenario
 from rso_lidar.studio.model.form_fields import FieldForm, find_field, find_part, iterate_tables, list_fields
-from rso_lidar.studio.model.problem_place import split_place
+from rso_lidar.studio.model.problem_place import find_line, split_place
 from rso_lidar.studio.model.text_assessment import describe
-from rso_lidar.studio.pages.elements import draw_button, mark
+from rso_lidar.studio.pages.elements import draw_button, draw_splitter, mark
 from rso_lidar.studio.pages.form import TableForm, change_document, draw_add, draw_type
-from rso_lidar.studio.pages.header import draw_menu
+from rso_lidar.studio.pages.header import draw_menu, open_templates
 from rso_lidar.studio.state import BrowserTab
 
 _NESTED = "lidar"  # its tables have forms of their own, because they are long
@@ -26,23 +26,27 @@ class BuildPage:
     """The page of one tab: the document seen as forms and as text."""
 
     def __init__(self, tab: BrowserTab) -> None:
-        self._tab, self._place = tab, ""
+        self._tab, self._place = tab, tab.selection.get("table", "")
+        self._here = ""  # place whose line is marked, because it was chosen in the form
         self._shape: Any = None
         self._form: TableForm | None = None
         self._last_message = ""
-        with ui.row(wrap=False).classes("w-full gap-0 studio-build items-stretch"):
+        outer = draw_splitter("tables", 200, (120, 400)).classes("studio-build")
+        with outer.before:
             tables = ui.column().classes("studio-column studio-tables gap-0")
             with mark(tables, "tables", 'role=navigation aria-label="Tables of the scenario"'):
                 self._tables = ui.column().classes("w-full gap-0")
-            with mark(ui.column().classes("studio-column studio-form gap-2"), "form"):
-                self._title = ui.label().classes("text-base font-medium")
-                self._fields = ui.column().classes("w-full gap-2")
-            with ui.column().classes("studio-column studio-text gap-0"):
-                text, take = tab.document.text, self._take_text
-                editor = ui.codemirror(text, language="TOML", theme="githubLight", on_change=take, line_wrapping=False)
-                self._editor = mark(editor.classes("w-full grow studio-editor"), "editor")
-                self._editor.props["aria-label"] = "Text of the scenario"
-                self._draw_check()
+        with outer.after:
+            inner = draw_splitter("form", 440, (280, 900)).classes("h-full")
+        with inner.before, mark(ui.column().classes("studio-column studio-form gap-2"), "form"):
+            self._title = ui.label().classes("text-base font-medium")
+            self._fields = ui.column().classes("w-full gap-2")
+        with inner.after, ui.column().classes("studio-column studio-text gap-0"):
+            text, take = tab.document.text, self._take_text
+            editor = ui.codemirror(text, language="TOML", theme="githubLight", on_change=take, line_wrapping=False)
+            self._editor = mark(editor.classes("w-full grow studio-editor"), "editor")
+            self._editor.props["aria-label"] = "Text of the scenario"
+            self._draw_check()
         tab.document_changed.subscribe(self._show_document)
         tab.assessed.subscribe(self._show_check)
         tab.warned.subscribe(self._show_check)
@@ -101,8 +105,28 @@ class BuildPage:
 
     def _choose(self, place: str) -> None:
         self._place = place
+        self._tab.select("table", place)
         self._draw_tables()
         self._draw_form()
+        self._reveal(place)
+
+    def _reveal(self, place: str) -> None:
+        """Scroll the text to a place, and mark its line."""
+        self._here = place
+        line = find_line(self._tab.document.text, place) if place else 1
+        if line:
+            self._editor.reveal_line(line)
+        self._mark_lines()
+
+    def _mark_lines(self) -> None:
+        """Mark the line that was chosen in the form, and that of the problem."""
+        assessment = self._tab.assessment
+        problem = assessment.line if assessment else None
+        here = find_line(self._tab.document.text, self._here) if self._here else None
+        marks = ((here, "studio-here-line"), (problem, "studio-bad-line"))
+        lines = [{"kind": "line", "line": line, "class": name} for line, name in marks if line]
+        if self._editor.decorations != lines:
+            self._editor.decorations = lines
 
     def _draw_form(self) -> None:
         """Draw the form of the chosen table."""
@@ -120,14 +144,18 @@ class BuildPage:
                 ).classes("text-negative")
                 return
             if not document.text.strip():
-                mark(ui.label("An empty scenario. “New” begins with an example."), "empty")
+                with ui.row().classes("items-center gap-2 studio-empty"):
+                    mark(ui.label("An empty scenario. Most begin with an example."), "empty")
+                    draw_button("Choose an example", partial(open_templates, self._tab), look="unelevated")
             cls = find_part(Scenario, document.tables(), steps) if steps else Scenario
             field = find_field(Scenario, document.tables(), steps)
             if field is not None:
                 ui.label(field.meaning).classes("text-sm opacity-80")
                 self._draw_choice(field, steps)
             if cls is not None:
-                self._form = TableForm(self._tab, cls, self._place, lambda place: not self._place or place in own)
+                self._form = TableForm(
+                    self._tab, cls, self._place, lambda place: not self._place or place in own, self._reveal
+                )
 
     def _draw_choice(self, field: FieldForm, steps: tuple[str | int, ...]) -> None:
         """Draw the choice of the type of the table, and the buttons that add, copy and remove it."""
@@ -160,7 +188,10 @@ class BuildPage:
             self._description.set_visibility(False)
         self._verdict.text = assessment.tell(warnings)
         look = ("warning", "text-warning") if warnings else ("check_circle", "text-positive")
-        icon, colour = look if assessment.is_ready else ("block" if assessment.refusal else "error", "text-negative")
+        if assessment.is_blank or assessment.refusal:
+            icon, colour = "info", "opacity-80"
+        else:
+            icon, colour = look if assessment.is_ready else ("error", "text-negative")
         self._icon.props(f"name={icon}").classes(replace=colour)
         self._warnings.clear()
         with self._warnings:
@@ -168,9 +199,7 @@ class BuildPage:
                 ui.label(line).classes("text-sm break-words studio-warning")
         self._to_field.set_visibility(bool(assessment.place or assessment.line))
         self._more.set_visibility(assessment.is_ready)
-        lines = [{"kind": "line", "line": assessment.line, "class": "studio-bad-line"}] if assessment.line else []
-        if self._editor.decorations != lines:
-            self._editor.decorations = lines
+        self._mark_lines()
         if self._form:
             self._form.update()
 

@@ -13,17 +13,19 @@ from nicegui import run, ui
 from rso_lidar.mission_analysis import list_materials
 from rso_lidar.orbit import Omm, Tle
 from rso_lidar.part import Part
-from rso_lidar.scenario import Lidar, Target, load_presets
+from rso_lidar.scenario import Lidar, Target, find_examples, load_presets
 from rso_lidar.scene import Lambertian, models
 from rso_lidar.shipped import shipped
 from rso_lidar.studio.model.mesh_sizes import list_mesh_sizes, list_mesh_targets
-from rso_lidar.studio.model.model_portrait import draw_portrait
+from rso_lidar.studio.model.model_portrait import draw_example_portrait, draw_portrait
 from rso_lidar.studio.model.search import read_pasted_set, search_sets
 from rso_lidar.studio.model.text_assessment import check_file
-from rso_lidar.studio.pages.elements import ask, draw_button, draw_list, mark, open_dialog, tell_errors
+from rso_lidar.studio.pages.elements import ask, draw_button, draw_list, draw_table, mark, open_dialog, tell_errors
 from rso_lidar.studio.state import BrowserTab
 
 _MOST_ROWS, _WIDE = 60, "w-[900px]"
+_KEPT = {"cache-control": "max-age=3600"}  # header of pictures
+_LONG_TABLE = "wrap-cells virtual-scroll style='max-height: 50vh'"
 
 
 @dataclass(frozen=True)
@@ -40,13 +42,20 @@ def find_chooser(cls: type[Part], key: str) -> Chooser | None:
 
 
 def add_routes(application: fastapi.FastAPI) -> None:
-    """Add the route of the models' pictures."""
+    """Add the routes of the pictures of models and examples."""
 
     @application.get("/studio/models/{name}.png")
     def send_portrait(name: str) -> fastapi.Response:
         if name not in models():
             return fastapi.Response("no such model", 404, media_type="text/plain")
-        return fastapi.Response(draw_portrait(name), media_type="image/png", headers={"cache-control": "max-age=3600"})
+        return fastapi.Response(draw_portrait(name), media_type="image/png", headers=_KEPT)
+
+    @application.get("/studio/examples/{name}.png")
+    def send_example(name: str) -> fastapi.Response:
+        png = draw_example_portrait(name) if name == "empty" or name in find_examples() else None
+        if png is None:
+            return fastapi.Response("no such example", 404, media_type="text/plain")
+        return fastapi.Response(png, media_type="image/png", headers=_KEPT)
 
 
 def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None:
@@ -61,20 +70,6 @@ def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None
             tab.document.remove(place) if value is None else tab.document.set(place, value)
         if not dialog.is_deleted:  # the page may have been drawn again, with the changed document
             dialog.close()
-
-
-def _draw_table(columns: Mapping[str, str], rows: list[dict[str, Any]], choose: Callable[[str], Any]) -> ui.table:
-    """Draw a table of which a row can be chosen.
-
-    Parameters
-    ----------
-    columns : titles by their keys, of which one is `name`
-    """
-    return ui.table(
-        columns=[{"name": k, "field": k, "label": v, "align": "left", "sortable": True} for k, v in columns.items()],
-        rows=rows, row_key="name", selection="single",
-        on_select=lambda event: choose(event.selection[0]["name"]) if event.selection else None,
-    ).classes("w-full").props("dense wrap-cells virtual-scroll style='max-height: 50vh'")  # fmt: skip
 
 
 def _choose_model(tab: BrowserTab, place: str) -> None:
@@ -115,7 +110,8 @@ def _choose_material(tab: BrowserTab, place: str) -> None:
     ]  # fmt: skip
     with open_dialog("Materials", _WIDE) as dialog:
         ui.label("Total reflectance at the wavelengths of the lasers").classes("text-sm")
-        _draw_table(columns, rows, lambda name: _set(tab, {place: name}, dialog))
+        table = draw_table(columns, lambda chosen: _set(tab, {place: chosen[0]["name"]}, dialog) if chosen else None)
+        table.props(_LONG_TABLE).rows = rows
 
 
 def _choose_elements(tab: BrowserTab, place: str) -> None:
@@ -148,7 +144,8 @@ def _choose_elements(tab: BrowserTab, place: str) -> None:
             file = ui.select(files, value=files[0], label="Catalogue").classes("w-1/3").props("dense")
             wanted = ui.input("Name or number").classes("grow").props("dense").on("keydown.enter", search)
             draw_button("Search", search)
-        table = _draw_table({"name": "Object"}, [], lambda name: take(motions.get(name)))
+        table = draw_table({"name": "Object"}, lambda chosen: take(motions.get(chosen[0]["name"])) if chosen else None)
+        table.props(f"{_LONG_TABLE} no-data-label='Nothing searched yet'")
 
 
 def _choose_camera(tab: BrowserTab, place: str) -> None:

@@ -13,6 +13,7 @@ from nicegui.element import Element
 from rso_lidar.errors import RsoLidarError
 
 E = TypeVar("E", bound=Element)
+_CHECKBOX = '<q-checkbox v-model="props.selected" dense :aria-label="`Choose ${props.row.name}`" />'
 
 
 class Slider(ui.slider):
@@ -56,14 +57,69 @@ def draw_icon_button(icon: str, label: str, action: Callable[..., Any], name: st
     return button
 
 
-def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str) -> None:
-    """Draw a list of things to choose from."""
+def draw_table(columns: Mapping[str, str], choose: Callable[[list[dict[str, Any]]], Any]) -> ui.table:
+    """Draw a table without rows yet, of which a click anywhere on a row, or its box, chooses the row.
+
+    Parameters
+    ----------
+    columns : titles by their keys, of which one is `name`
+    choose : called with the chosen row in a list, which is empty where none is left
+    """
+
+    def take_click(event: Any) -> Any:
+        table.selected = [row for row in table.rows if row["name"] == event.args]
+        return choose(table.selected)
+
+    table = ui.table(
+        columns=[{"name": k, "field": k, "label": v, "align": "left", "sortable": True} for k, v in columns.items()],
+        rows=[], row_key="name", selection="single", on_select=lambda event: choose(event.selection),
+    ).classes("w-full studio-choice").props("dense flat hide-selected-banner")  # fmt: skip
+    table.on("row-click", take_click, js_handler="(event, row) => emit(row.name)")
+    table.add_slot("body-selection", _CHECKBOX)
+    return table
+
+
+def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str, picture: str = "") -> None:
+    """Draw a list of things to choose from, with a picture at an address that holds the name, if one is given."""
     with ui.list().props("separator dense").classes("w-full"):
         for name, caption, action in rows:
-            with mark(ui.item(on_click=action), f"{kind}-{name}"), ui.item_section():
-                ui.item_label(name)
-                if caption:
-                    ui.item_label(caption).props("caption")
+            with mark(ui.item(on_click=action), f"{kind}-{name}"):
+                if picture:
+                    with ui.item_section().props("avatar"):
+                        image = ui.image(picture.format(name)).classes("studio-thumbnail")
+                        image.props(f'alt="Target of {name}" loading=lazy ratio=1 no-spinner fit=contain')
+                with ui.item_section():
+                    ui.item_label(name)
+                    if caption:
+                        ui.item_label(caption).props("caption")
+
+
+def read_memory(key: str) -> str:
+    """Return what the browser remembers under a key; `remember` of memory.js writes it."""
+    request = ui.context.client.request
+    return str(request.cookies.get(f"studio_{key}", "")) if request else ""
+
+
+def draw_splitter(key: str, usual: int, limits: tuple[int, int], unit: str = "px") -> ui.splitter:
+    """Draw two panels with a border that can be moved; the browser remembers the width of the first.
+
+    Parameters
+    ----------
+    usual, limits : width of the first panel, and its least and greatest width [unit]
+    unit : "px" or "%"
+    """
+    kept = read_memory(f"{key}_width")
+    width = int(kept) if kept.isdecimal() and len(kept) < 5 and limits[0] <= int(kept) <= limits[1] else usual
+    splitter = (
+        ui.splitter(value=width, limits=limits).classes("w-full").props(f"unit={unit} separator-class=studio-border")
+    )
+    splitter.on("update:model-value", js_handler=f"(width) => remember('{key}_width', Math.round(width))")
+    return splitter
+
+
+def draw_skeleton(classes: str) -> ui.skeleton:
+    """Draw the grey outline of a figure that is still being made."""
+    return ui.skeleton("rect").classes(f"w-full {classes}").props("aria-hidden=true")
 
 
 @contextmanager

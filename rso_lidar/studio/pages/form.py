@@ -23,14 +23,22 @@ _DEEPEST = 5  # levels of inner tables in one form; deeper ones are edited in th
 class TableForm:
     """The form of the table at one place of the document."""
 
-    def __init__(self, tab: BrowserTab, cls: type[Part], place: str, skip: Callable[[str], bool]) -> None:
+    def __init__(
+        self,
+        tab: BrowserTab,
+        cls: type[Part],
+        place: str,
+        skip: Callable[[str], bool],
+        reveal: Callable[[str], None] = lambda _: None,
+    ) -> None:
         """Draw the form.
 
         Parameters
         ----------
         skip : whether the inner table at a place has a form of its own elsewhere
+        reveal : called with the place of a field that takes the focus
         """
-        self._tab, self._skip = tab, skip
+        self._tab, self._skip, self._reveal = tab, skip, reveal
         self._inputs: dict[str, tuple[FieldForm, Any]] = {}
         self._shown: dict[str, Any] = {}  # values of the document as they were shown last
         self._draw(cls, place, 0)
@@ -101,6 +109,7 @@ class TableForm:
                     widget.props('autocomplete="off" spellcheck="false" stack-label')
                 mark(widget.classes("grow"), f"field-{place}", "dense outlined")
                 widget.props["aria-description"] = words
+                widget.on("focus", partial(self._reveal, place))
                 if field.required:
                     widget.props("aria-required=true")
                 if chooser := find_chooser(cls, field.key):

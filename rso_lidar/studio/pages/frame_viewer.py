@@ -30,18 +30,22 @@ class FrameViewer:
         self._shown: Any = None
         self._names: list[str] = []
         self._is_drawing = False
-        self._title = ui.label("Choose a recording in the list").classes("text-base font-medium")
-        with ui.row(wrap=False).classes("w-full items-center gap-2 max-w-[1000px]"):
+        self._title = ui.label("Frames").classes("text-base font-medium")
+        self._empty = ui.label("The frames of a recording appear here. Choose one in the list, or start a run.")
+        self._empty.classes("studio-empty")
+        with ui.row(wrap=False).classes("w-full items-center gap-2 max-w-[1000px]") as player:
             self._play = ui.switch("Play").props("dense")
             self._newest = ui.switch("Newest", on_change=lambda event: self._set(len(self)) if event.value else None)
             self._slider = Slider(min=0, max=0, step=1, value=0, on_change=lambda event: self._request(event.value))
             mark(self._slider.classes("grow mx-3"), "slider", 'aria-label="Frame"')
             self._slider.on("keydown.home", lambda: self._set(1)).on("keydown.end", lambda: self._set(len(self)))
-        with ui.row(wrap=False).classes("w-full items-center gap-3 max-w-[1000px]"):
+        with ui.row(wrap=False).classes("w-full items-center gap-3 max-w-[1000px]") as choices:
             self._against = ui.select({None: "nothing"}, value=None, label="Compare with", on_change=self._compare)
             mark(self._against.classes("w-64"), "compare", "dense outlined")
             self._marks = ui.switch("Truth and centroid", on_change=lambda: self._request(self._slider.value))
             mark(self._marks, "marks", "dense")
+        self._controls = (player, choices)
+        self._show_controls()
         self._words = mark(ui.column().classes("text-sm gap-0"), "words")
         self._images: dict[str, Any] = {}
         with ui.element("div").classes("w-full studio-frames"):
@@ -54,6 +58,11 @@ class FrameViewer:
                 cell.bind_visibility_from(image)
         ui.on("studio_dark", lambda event: self._set_scheme(DARK if event.args else LIGHT))
         ui.timer(_PLAY_S, self._advance)
+
+    def _show_controls(self) -> None:
+        for row in self._controls:
+            row.set_visibility(self._recording is not None)
+        self._empty.set_visibility(self._recording is None)
 
     def __len__(self) -> int:
         return len(self._recording) if self._recording is not None else 0
@@ -91,6 +100,7 @@ class FrameViewer:
         before, (self._recording, self.is_following) = self._recording, recording_state
         if before is not None and not self._is_drawing:
             before.close()
+        self._show_controls()
         self._title.set_text(f"{name}: {self._recording.source.title}, {len(self):,} frames")
         self._slider.props(f"max={max(len(self) - 1, 0)}")
 

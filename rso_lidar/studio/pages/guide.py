@@ -19,10 +19,11 @@ STEPS = (  # title and text, the page, and the mark of the element that it point
      "Left are its tables, in the middle the fields of one table with unit and meaning, right the text of the file. Form "
      "and text are the same document. Below the text, the check says whether it can be flown."),
     ("One frame", "see", "time",
-     "Move the slider: the satellite grows on the way from 3 km to 300 m. Click a bright pixel to see its photons and its "
-     "waveform. The first frame after an installation takes some 20 s."),
+     "This is the last frame, 300 m from the satellite; the slider goes back to 3 km. Click a bright pixel to see its "
+     "photons and its waveform. The first frame after an installation takes some 20 s."),
     ("A recording", "run", "start",
-     "Press “Start”: the frames appear while they are written. 0:540:10 under “Frames” makes every tenth only."),
+     "Press “Start”: the frames appear while they are written. “Frames” is set to every fourth of the last 100; "
+     "leave it empty to make all 540."),
     ("That is all", "run", "recordings",
      "Change a field and record again under another name, then compare the two. “Guide” in the header comes back here."),
 )  # fmt: skip
@@ -44,6 +45,10 @@ class Guide:
         self._at, last = number, number == len(STEPS) - 1
         title, page, point, text = STEPS[number]
         self._tab.page_chosen.emit(page)
+        if page == "see":
+            self._tab.end_chosen.emit()
+        elif point == "start":
+            self._tab.frames_proposed.emit("440:540:4")
         self._card.clear()
         self._card.props["data-page"] = page
         with self._card:
@@ -59,8 +64,8 @@ class Guide:
     def _point_at(self, name: str) -> None:
         """Outline the element with a mark, and no other."""
         self._client.run_javascript(
-            "for (const one of document.querySelectorAll('.studio-pointed')) one.classList.remove('studio-pointed');"
-            f"document.querySelector('[data-test=\"{name or 'none'}\"]')?.classList.add('studio-pointed')"
+            "for (const one of document.querySelectorAll('[data-pointed]')) one.removeAttribute('data-pointed');"
+            f"document.querySelector('[data-test=\"{name or 'none'}\"]')?.setAttribute('data-pointed', '')"
         )
 
     def _close(self) -> None:

@@ -20,6 +20,7 @@ from rso_lidar.studio.pages.elements import (
     draw_list,
     mark,
     open_dialog,
+    read_memory,
     tell_errors,
 )
 from rso_lidar.studio.pages.guide import Guide
@@ -45,14 +46,16 @@ def draw_header(tab: BrowserTab, guide: Guide) -> ui.tabs:
     show_title()
     tab.document_changed.subscribe(show_title)
     draw_button("Guide", guide.start, "guide-start", "flat color=white")
-    dark = ui.dark_mode(None)
+    dark = ui.dark_mode({"dark": True, "light": False}.get(read_memory("scheme")))
 
     def change_scheme() -> None:
         dark.value = {None: True, True: False, False: None}[dark.value]
         scheme.props(f"icon={_SCHEMES[dark.value]}")
+        kept = {None: "auto", True: "dark", False: "light"}[dark.value]
+        ui.context.client.run_javascript(f"remember('scheme', '{kept}')")
 
     label = "Light, dark, or as the system has it"
-    scheme = draw_icon_button(_SCHEMES[None], label, change_scheme, "scheme", "color=white")
+    scheme = draw_icon_button(_SCHEMES[dark.value], label, change_scheme, "scheme", "color=white")
     if not list_documents(tab.workspace.folder):
         ui.context.client.on_connect(guide.start)
     return chosen
@@ -64,7 +67,7 @@ def draw_menu(tab: BrowserTab) -> None:
     def change(action: str) -> None:
         getattr(tab.document, action)()  # of the document that is shown then
 
-    actions = {"New": _open_templates, "Open": _open_list, "Save": _save, "Save as": _ask_name, "Upload": _open_upload}
+    actions = {"New": open_templates, "Open": _open_list, "Save": _save, "Save as": _ask_name, "Upload": _open_upload}
     icons = ("note_add", "folder_open", "save", "save_as", "upload_file")
     bar = ui.row(wrap=False).classes("w-full items-center gap-1 px-2 py-1 studio-menu")
     with bar.props("role=toolbar aria-label=Document"):
@@ -82,7 +85,7 @@ def draw_menu(tab: BrowserTab) -> None:
     tab.document_changed.subscribe(show_history)
 
 
-def _open_templates(tab: BrowserTab) -> None:
+def open_templates(tab: BrowserTab) -> None:
     """Open the dialog with the examples, which a new scenario begins with."""
 
     def take(text: str, companions: list[Path]) -> None:
@@ -105,7 +108,7 @@ def _open_templates(tab: BrowserTab) -> None:
         partial(take, SHORTEST_EXAMPLE, []),
     )
     with open_dialog("New scenario from an example", "w-[720px]") as dialog:
-        draw_list([empty, *rows], "template")
+        draw_list([empty, *rows], "template", "/studio/examples/{}.png")
 
 
 def _open_list(tab: BrowserTab) -> None:

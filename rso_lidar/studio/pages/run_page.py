@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import glob
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,13 +18,20 @@ from rso_lidar.errors import RsoLidarError
 from rso_lidar.export import FORMATS
 from rso_lidar.studio.job_queue import KINDS, Job, JobRequest
 from rso_lidar.studio.model.recording_list import RECORDINGS
-from rso_lidar.studio.model.text_assessment import estimate_run
-from rso_lidar.studio.pages.elements import ask, draw_button, draw_icon_button, mark, tell_errors
+from rso_lidar.studio.model.run_speed import RunSpeed, estimate_run
+from rso_lidar.studio.model.text_assessment import Assessment
+from rso_lidar.studio.pages.elements import (
+    ask,
+    draw_button,
+    draw_icon_button,
+    draw_splitter,
+    draw_table,
+    mark,
+    tell_errors,
+)
 from rso_lidar.studio.pages.frame_viewer import FrameViewer
 from rso_lidar.studio.state import BrowserTab, Workspace
 
-_USUAL_HZ = 20.0  # frames/s of the shipped approach on two cores, until a run of this studio has been measured
-_CHECKBOX = '<q-checkbox v-model="props.selected" dense :aria-label="`Show ${props.row.name}`" />'
 _IDLE_TICKS = 5  # seconds between two looks at the folder while nothing runs
 _FROM_SCENARIO = ("run", "timeline", "budget", "trade", "dataset")
 _JOB_ACTIONS = ("Stop", "Resume", "Remove from the list")  # of the buttons of a job
@@ -53,24 +61,33 @@ class RunPage:
     def __init__(self, tab: BrowserTab) -> None:
         self.tab, self.jobs, self.folder = tab, tab.workspace.jobs, tab.workspace.folder
         self._rows: dict[Job, tuple[Any, ...]] = {}
-        self._was_active, self._is_listing, self._awaited, self._ticks = True, False, "", 0
-        with ui.row(wrap=False).classes("w-full p-4 gap-4 items-start"):
-            with ui.column().classes("w-[400px] shrink-0 gap-4"):
-                self._draw_form()
-                ui.label("Jobs").classes("text-base font-medium")
-                self._list = mark(ui.column().classes("w-full gap-2"), "jobs")
-                ui.label("Recordings").classes("text-base font-medium")
-                titles = {"name": "Name", "frames": "Frames", "state": "State", "size": "MB"}
-                self._table = ui.table(
-                    columns=[{"name": k, "label": v, "field": k, "align": "left"} for k, v in titles.items()],
-                    rows=[], row_key="name", selection="single", on_select=lambda event: self._open(event.selection),
-                ).classes("w-full").props('dense flat no-data-label="No recording yet"')  # fmt: skip
-                mark(self._table, "recordings").add_slot("body-selection", _CHECKBOX)
-            with ui.column().classes("grow min-w-0 gap-2"):
-                self._viewer = FrameViewer(self.folder)
-                self._draw_actions()
+        self._was_active, self._is_listing, self._awaited, self._ticks = (
+            True,
+            False,
+            tab.selection.get("recording", ""),
+            0,
+        )
+        self._speed: RunSpeed | None = None
+        self._speed_of: Assessment | None = None
+        self._is_measuring = False
+        splitter = draw_splitter("jobs", 432, (300, 800)).classes("studio-run")
+        with splitter.before, ui.column().classes("w-full p-4 gap-4"):
+            self._draw_form()
+            ui.label("Jobs").classes("text-base font-medium")
+            self._list = mark(ui.column().classes("w-full gap-2"), "jobs")
+            with self._list:
+                self._no_job = ui.label("No job yet.").classes("text-sm studio-empty")
+            ui.label("Recordings").classes("text-base font-medium")
+            titles = {"name": "Name", "frames": "Frames", "state": "State", "size": "MB"}
+            self._table = mark(draw_table(titles, self._open), "recordings")
+            self._table.add_slot("no-data", '<div class="text-sm studio-empty">No recording in this folder yet.</div>')
+        with splitter.after, ui.column().classes("w-full p-4 min-w-0 gap-2"):
+            self._viewer = FrameViewer(self.folder)
+            self._draw_actions()
         tab.document_changed.subscribe(self._describe)
         tab.assessed.subscribe(self._describe)
+        tab.selected.subscribe(lambda key, _: self._describe() if key == "page" else None)
+        tab.frames_proposed.subscribe(self._frames.set_value)
         ui.timer(1.0, self._tick)
 
     def _draw_form(self) -> None:
@@ -90,7 +107,7 @@ class RunPage:
             self._start = draw_button("Start", self._begin, "start", "unelevated")
 
     def _draw_actions(self) -> None:
-        with ui.row().classes("gap-2"):
+        with mark(ui.row().classes("gap-2 items-center"), "actions") as self._actions:
             for kind, suffix in (("sheet", ".png"), ("animate", ".gif"), ("curves", ".png"), ("track", ".png")):
                 draw_button(KINDS[kind].title, partial(self._make, kind, f"_{kind}{suffix}"), kind)
             with ui.dropdown_button("Export", auto_close=True).props("outline dense no-caps"):
@@ -100,6 +117,15 @@ class RunPage:
                         ui.item(f"{file_format.name} ({file_format.suffixes[0]})", on_click=make).tooltip(
                             f"lost: {file_format.loses}"
                         )
+            self._no_choice = ui.label("Choose a recording first.").classes("text-sm studio-empty")
+        self._enable_actions()
+
+    def _enable_actions(self) -> None:
+        """Enable what needs a recording where one is shown; where none is, say that one must be chosen."""
+        for element in self._actions.default_slot.children:
+            if isinstance(element, ui.button | ui.dropdown_button):
+                element.set_enabled(bool(self._viewer.name))
+        self._no_choice.set_visibility(not self._viewer.name)
 
     def _describe(self) -> None:
         """Update the default name, and what a start would do."""
@@ -116,22 +142,43 @@ class RunPage:
             if assessment is None or self._kind.value in ("trade", "dataset")
             else assessment.problem or assessment.refusal
         )
+        if not problem and not document.name:
+            problem = "The scenario has no file yet: give it a name by “Save as” on the page Build."
         text = problem or f"{document.title}: {kind.title.lower()}"
         if not problem and self._kind.value == "run" and assessment is not None and assessment.scenario is not None:
-            rate_hz = next((job.rate_hz for job in reversed(self.jobs.jobs) if job.rate_hz), _USUAL_HZ)
+            speed = self._speed if self._speed_of is assessment else None
             try:
-                text = estimate_run(assessment.scenario, (self._frames.value or "").strip(), rate_hz)
+                text = estimate_run(assessment.scenario, (self._frames.value or "").strip(), speed)
+                if self._speed_of is not assessment:
+                    asyncio.get_running_loop().create_task(self._measure_speed())
             except RsoLidarError as error:
                 text = problem = str(error)
         self._note.set_text(text)
         self._start.set_enabled(not problem)
 
+    async def _measure_speed(self) -> None:
+        """Time some frames of the scenario while the page is shown and no job runs, for the estimate of a run."""
+        assessment = self.tab.assessment
+        is_shown = self.tab.selection.get("page") == "run"
+        if (
+            not is_shown
+            or self._is_measuring
+            or self.jobs.is_active
+            or assessment is None
+            or assessment.scenario is None
+        ):
+            return
+        self._is_measuring, self._speed, self._speed_of = True, None, assessment
+        try:
+            with tell_errors():
+                self._speed = await run.io_bound(RunSpeed.measure, assessment.text, assessment.scenario)
+        finally:
+            self._is_measuring = False
+        self._describe()
+
     async def _begin(self) -> None:
         """Save the document if the user agrees, and start the job of the form."""
         document, question = self.tab.document, "{} has changes that are not saved; a job runs the file."
-        if not document.name:
-            ui.notify("the scenario has no file yet; give it a name under Save as", type="warning")
-            return
         with tell_errors("not started: "):
             if not await run.io_bound(document.is_as_on_disk):
                 if not await ask(question.format(document.title), {"save-and-start": "Save and start"}):
@@ -147,9 +194,6 @@ class RunPage:
 
     async def _make(self, kind: str, ending: str) -> None:
         """Start a job on the recording that is shown."""
-        if not self._viewer.name:
-            ui.notify("choose a recording in the list first", type="warning")
-            return
         await self._add(JobRequest(kind, self._viewer.name, f"{self._viewer.name.rpartition('.')[0]}{ending}"))
 
     async def _add(self, request: JobRequest) -> None:
@@ -175,6 +219,7 @@ class RunPage:
         """Update the rows of the queue; rows are made and removed only where the list has changed."""
         for job in [job for job in self._rows if job not in self.jobs.jobs]:
             self._rows.pop(job)[0].delete()
+        self._no_job.set_visibility(not self.jobs.jobs)
         for job in list(self.jobs.jobs):
             if job not in self._rows:
                 with self._list:
@@ -237,7 +282,9 @@ class RunPage:
 
     async def _open(self, selection: list[dict[str, Any]]) -> None:
         if selection:
+            self.tab.select("recording", selection[0]["name"])
             await self._viewer.open(selection[0]["name"])
+            self._enable_actions()
 
 
 def draw(tab: BrowserTab) -> None:

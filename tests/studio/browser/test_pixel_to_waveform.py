@@ -10,7 +10,7 @@ import rso_lidar as rl
 from rso_lidar.picture import choose_window
 from rso_lidar.shipped import shipped
 from rso_lidar.studio.model.frame_image import draw_image, mark_pixel
-from tests.studio.browser.page_elements import find_thumb, see_variance, wait_until_drawn
+from tests.studio.browser.page_elements import find, find_thumb, see_variance, wait_until_drawn
 
 IMAGE = '[data-test="image"] img'
 
@@ -54,3 +54,11 @@ def test_pixel_to_waveform(journey, tmp_path):
     page.wait_for_selector("[data-ready]")
     assert see_variance(page.locator('[data-test="space"] canvas')) > 10.0
     assert see_variance(page.locator(IMAGE)) > 100.0
+
+    find(page, "scheme").click()  # from that of the system, which is light, to dark
+    page.wait_for_selector("body.body--dark")
+    page.reload()  # keeps page, frame, pixel and scheme
+    page.get_by_text(f"frame {last}").wait_for()
+    page.get_by_text(f"{frame.range_m[row, col]:,.3f} m", exact=True).first.wait_for()
+    assert page.get_by_label("Row").input_value() == str(row)
+    page.wait_for_selector("body.body--dark")

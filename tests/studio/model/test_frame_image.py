@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import rso_lidar as rl
-from rso_lidar.picture import DARK, LIGHT, Scale, choose_window, find_target_returns
+from rso_lidar.picture import DARK, LIGHT, Scale, choose_window, find_target_returns, palette
 from rso_lidar.records import Frame
 from rso_lidar.studio.model.frame_image import (
     IMAGE_SIZE,
@@ -33,6 +33,20 @@ def test_colour_of_a_pixel_is_that_of_its_range(frame: Frame, scheme: object) ->
     x, y, side = mark_pixel(window, row, col)[0]
     expected = Scale.of_frames(frame).range_rgb(frame.range_m, 0.0)[row, col]
     assert np.abs(image[int(y + side / 2), int(x + side / 2)].astype(int) - expected).max() <= 1
+
+
+def test_a_false_return_is_dim_in_both_panels(frame: Frame) -> None:
+    image = np.asarray(Image.open(io.BytesIO(draw_image(frame, whole=True))), float)
+    row, col = (int(k) for k in np.argwhere(frame.valid & (frame.labels.target < 0))[0])
+    scale, window = Scale.of_frames(frame), choose_window(frame, whole=True)
+    for (x, y, side), rgb, empty in zip(
+        mark_pixel(window, row, col),
+        (scale.range_rgb(frame.range_m, 0.0), scale.intensity_rgb(frame.intensity_counts)),
+        ("#2e3036", "#000000"),
+        strict=True,
+    ):
+        expected = (rgb[row, col] + 2.0 * np.array(palette.split_rgb(empty))) / 3.0
+        assert np.abs(image[int(y + side / 2), int(x + side / 2)] - expected).max() <= 1.0
 
 
 @pytest.mark.parametrize("whole", [True, False])

@@ -28,3 +28,19 @@ def test_a_cloud_has_all_returns(frame, colour):
     expected = frame.truth.pose("tdrs", "lidar").apply(frame.points_m[frame.valid].astype(float))
     apart = np.abs(np.ptp(drawn, axis=0) - np.ptp(expected, axis=0))
     assert np.all(apart < 2e-7 * np.ptp(expected, axis=0))  # float32; false triggers lie kilometres from the target
+
+
+def test_the_chosen_pixel_is_marked_and_false_returns_are_dim(frame):
+    row, col = (int(k) for k in np.argwhere(frame.labels.target >= 0)[500])
+    packed, false = draw_cloud(frame, LIGHT, pixel=(row, col)), frame.labels.target[frame.valid] < 0
+    (length,) = struct.unpack("<I", packed[:4])
+    header, count = json.loads(packed[4 : 4 + length]), int(frame.valid.sum())
+    (mark,) = (item for item in header["items"] if item.get("on_top"))
+    label = next(one for one in header["labels"] if one["text"] == f"row {row}, column {col}")
+    points = np.frombuffer(packed, "<f4", 3 * count, 4 + length).reshape(-1, 3)
+    number = int(frame.valid.ravel()[: row * frame.valid.shape[1] + col].sum())
+    np.testing.assert_allclose(label["at"], points[number], rtol=1e-6)
+    assert mark["count"] == 1
+    rgb = np.frombuffer(packed, np.uint8, 3 * count, 4 + length + 12 * count).reshape(-1, 3)
+    assert 0 < false.sum() < 50
+    assert rgb[false].min() >= 170 > rgb[~false].min()  # two thirds of white, and whatever the ramp has

@@ -16,7 +16,6 @@ from rso_lidar.studio.model.text_assessment import (
     check_file,
     check_study,
     describe,
-    estimate_run,
     list_warnings,
 )
 from tests.scene.meshes.test_mesh import BOX, binary_stl
@@ -81,7 +80,14 @@ def test_text_that_is_no_toml_names_a_line(folder, text):
     assert found.line in (None, 1, 2, 3)
 
 
-@pytest.mark.parametrize("text", ["", "version = 1", "target = 3", "target = [3]", "[target]\nmodel = 3", "time = []"])
+def test_an_untouched_text_is_no_error(folder):
+    blank = assess("\n", folder, "a.toml")
+    assert blank.is_blank and not blank.is_ready
+    assert (blank.place, blank.line) == ("", None)
+    assert blank.tell(None).startswith("No scenario yet.")
+
+
+@pytest.mark.parametrize("text", ["version = 1", "target = 3", "target = [3]", "[target]\nmodel = 3", "time = []"])
 def test_unfinished_texts_have_a_problem_and_raise_nothing(folder, text):
     found = assess(text, folder, "a.toml")
     assert found.scenario is None
@@ -221,14 +227,6 @@ def test_a_flown_scenario_is_described_with_its_warnings(folder, in_millimetres)
     with collect_warnings():
         _ = scenario.surfaces
     assert any("probe.stl is 3000 m across" in line for line in list_printed(scenario))
-
-
-def test_a_run_is_estimated_by_the_frames_that_it_makes(folder, text):
-    scenario = assess(text, folder, "a.toml").scenario
-    assert estimate_run(scenario, "2:8", 0.5).startswith("6 of 10 frames in all; some 12 s,")
-    assert estimate_run(scenario, "", 100.0).startswith("10 of 10 frames in all; some 1 s,")
-    with pytest.raises(ScenarioError):
-        estimate_run(scenario, "eight", 1.0)
 
 
 STUDY = """version = 1
