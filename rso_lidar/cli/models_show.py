@@ -77,12 +77,7 @@ def _describe_joint(name: str, card: ModelCard) -> str:
 
 
 def _tabulate_parts(card: ModelCard, width: int) -> Table:
-    """Return the parts of a model with material and bounds, in a narrow terminal to a centimetre, with less air.
-
-    Parameters
-    ----------
-    width : columns of characters
-    """
+    """Return the parts of a model with material and bounds, in a narrow terminal to a centimetre, with less air."""
     rows = [_list_cells(part, "{:.3f} to {:.3f}") for part in card.parts]
     heads = ["part", "material", "x, m", "y, m", "z, m"]
     if sum(max(map(len, column)) + _GAP for column in zip(heads, *rows, strict=True)) > width:

@@ -116,8 +116,6 @@ def _draw_curve(
     Parameters
     ----------
     range_m, values : (point,)
-    look : colour, style and width
-    most : curves that the plot will have
     """
     covered = sum(
         np.array_equal(line.get_xdata(), range_m)

@@ -90,7 +90,7 @@ def _find_shadow_edges(
 
     Parameters
     ----------
-    shaded : indices of the hits in shadow
+    shaded : (hit) numbers of those in shadow
     reach_m : half the greatest width of a penumbra [m]
     """
     from scipy.ndimage import maximum_filter
