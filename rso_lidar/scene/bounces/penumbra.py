@@ -23,6 +23,7 @@ _GOLDEN_RAD = np.pi * (3.0 - np.sqrt(5.0))
 _RIM, _RIM_POINTS = 0.97, 6  # over the Sun's radius: where hits in a penumbra are told from others
 _DISC_POINTS = 24  # of a hit in a penumbra; each hit turns them, so that those of a pixel do not err alike
 
+
 def soften_shadows(
     hits: Hits, surfaces: Sequence[Surface], truth: Truth, pixel_rad: float, threads: int | None = None
 ) -> Hits:
