@@ -25,6 +25,7 @@ from rso_lidar.scene import Surface
 
 _SMEAR_STEP = 0.25  # pixels that the scene moves from one instant to the next
 _MOST_INSTANTS = 32
+_SPARSE_SIDE = 3  # of the largest grid of rays that only pixels on edges get; who asks for more wants exact light
 _LEAST_RAYS = 1024.0  # over the bounds of a target, for the light of a body that no pixel resolves
 _MOST_RAYS = 2.0**18  # over the bounds of all targets, where there would be fewer without that
 _ASSUMED_ALBEDO = 0.30  # of the Earth's image where the world gives none: the Bond albedo
@@ -217,10 +218,13 @@ def _cast(lens: CameraLens, surfaces: Sequence[Surface], view: Truth, threads: i
     if len(sides):
         wanted = _LEAST_RAYS / max(float(sides.prod(axis=1).min()), 1e-12)
         per_pixel = min(wanted, _MOST_RAYS / float(np.sum(np.prod(sides + 1.0, axis=1))))
-    if per_pixel <= lens.rays_per_side**2:
+    fine = lens
+    if (
+        per_pixel > lens.rays_per_side**2
+    ):  # not `replace`, which refuses grids that would be too many rays in all pixels
+        fine = lens.model_copy(update={"rays_per_pixel": math.ceil(math.sqrt(per_pixel)) ** 2})
+    elif lens.rays_per_side <= _SPARSE_SIDE:
         return sampling.cast_image(lens, lens.even_light, surfaces, view, threads)
-    # not `replace`, which refuses grids that would be too many rays in all pixels
-    fine = lens.model_copy(update={"rays_per_pixel": math.ceil(math.sqrt(per_pixel)) ** 2})
     return sampling.cast_pixels(fine, lens.even_light, surfaces, view, threads)
 
 

@@ -5,16 +5,16 @@ import math
 import numpy as np
 
 from rso_lidar import imaging, optics, units
-from rso_lidar.imaging import Band, Camera, CameraLens, Surroundings
+from rso_lidar.imaging import Band, Camera, CameraLens, NaturalLight
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Truth
 
 GREEN = Band(name="green", wavelength_nm=550.0, width_nm=10.0, quantum_efficiency=0.5)
-LOCAL = Surroundings(earth_albedo=None, moon_m=None, has_earth=False)
+LOCAL = NaturalLight(earth_albedo=None, moon_m=None, has_earth=False)
 
 
 def take(
-    surfaces, poses, sun, lens, *, motion=None, flash=None, surroundings=LOCAL, at=None, states=None, seed=1, **settings
+    surfaces, poses, sun, lens, *, motion=None, flash=None, natural=LOCAL, at=None, states=None, seed=1, **settings
 ):
     """Return image, labels and camera.
 
@@ -30,8 +30,9 @@ def take(
     direction = np.full(3, np.nan) if sun is None else np.array(sun, dtype=float) / np.linalg.norm(sun)
     truth = Truth(0.0, PoseTree(parents, links), states or {}, direction)
     of_bands = [tuple(surfaces)] * len(camera.bands)
-    rngs = np.random.default_rng(seed), np.random.default_rng(0)
-    image, labels = imaging.take_image(camera, truth, of_bands, surroundings, flash, *rngs, threads=1)
+    image, labels = imaging.take_image(
+        camera, truth, of_bands, natural, flash, np.random.default_rng(seed), 0, threads=1
+    )
     return image, labels, camera
 
 

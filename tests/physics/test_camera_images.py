@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
-from rso_lidar.imaging import Flash, ImageSensor, Surroundings
+from rso_lidar.imaging import Flash, ImageSensor, NaturalLight
 from rso_lidar.optics import GaussianPsf, Laser, sun_photons_per_s_m2
 from rso_lidar.records import BodyState
 from rso_lidar.scene import Lambertian
@@ -20,7 +20,7 @@ SUN_W_M2_NM = 1.8508  # ASTM G173-03, extraterrestrial, mean over 25 nm about 55
 PHOTON_J = 6.626_070_15e-34 * 299_792_458.0 / 550e-9
 V_ZERO_W_M2_NM = 3.63e-11  # of a star of V = 0 at 548 nm: Bessell, Castelli and Plez, A&A 333, 231 (1998), table A2
 V_ZERO_SHARE = 0.03  # to which zero points of photometric systems and magnitudes of the Sun agree
-EARTH = Surroundings(earth_albedo=0.3, moon_m=None, has_earth=True)
+EARTH = NaturalLight(earth_albedo=0.3, moon_m=None, has_earth=True)
 
 
 def check(validation, case, source, expected, got, tolerance, unit):
@@ -138,7 +138,7 @@ def test_stars(validation, name):
     pose = place((0.0, 0.0, 0.0), root_from_camera)
     band = GREEN.replace(wavelength_nm=548.0)
     options = {"at": pose, "states": state, "sky": ("stars",), "exposure_ms": 100.0, "bands": (band,)}
-    _, labels, _ = take([], {}, (1.0, 0.0, 0.0), lens, surroundings=EARTH, **options)
+    _, labels, _ = take([], {}, (1.0, 0.0, 0.0), lens, natural=EARTH, **options)
     light = labels.electrons[..., 0].astype(float)
     row, col = (np.sum(light * at) / light.sum() for at in np.indices(light.shape) + 0.5)
     x, y = star[:2] / star[2]
@@ -241,7 +241,7 @@ def test_the_limb_of_the_earth(validation):
     turn = Rotation.from_matrix(np.stack([np.cross(down, boresight), down, boresight], axis=1))
     place_m = np.array([r_m, 0.0, 0.0])
     options = {"at": place(place_m, turn), "states": {"follower": BodyState(place_m, np.zeros(3))}, "sky": ("earth",)}
-    _, labels, _ = take([], {}, (1.0, 0.0, 1.0), lens, surroundings=EARTH, **options)
+    _, labels, _ = take([], {}, (1.0, 0.0, 1.0), lens, natural=EARTH, **options)
     column = labels.electrons[:, 31:33, 0].sum(axis=1, dtype=float)
     top = int(np.flatnonzero(column)[0])
     assert not column[:top].any()
