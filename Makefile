@@ -109,9 +109,10 @@ validate: $(VENV)/.installed-test ## compare with the outside world; writes the 
 real-data: $(VENV)/.installed-test ## bring spacecraft and orbits that you downloaded to where tests look (FROM=folder)
 	$(BIN)/python -m tests.real_data $(if $(FROM),"$(FROM)")
 
-peers: $(VENV)/.installed-test ## render anew what tests/peers compares with, by mitransient (needs Debian's libllvm19)
+peers: $(VENV)/.installed-test ## render anew what tests/peers compares with, by Mitsuba and mitransient (needs Debian's libllvm19)
 	@$(INSTALL) -e . --group peers
 	$(BIN)/python -m tests.peers.render
+	$(BIN)/python -m tests.peers.render_sunlit
 
 docs: $(VENV)/.installed ## write the generated parts of docs/ anew
 	$(BIN)/python docs/generate.py

@@ -59,8 +59,8 @@ class CameraLens(Receiver):
     transmission: Positive = Field(default=0.9, le=1, description="Transmission of the lens. Default: assumed.")
     rays_per_pixel: Count = Field(
         default=4,
-        description="Number of rays of a pixel on an edge of a part, of light or of shadow, a square number k × k. Other "
-        "pixels have one ray. Default: a choice of sampling.",
+        description="Number of rays of a pixel on an edge of a part, of light or of shadow, a square number k × k. Up to 9, "
+        "other pixels have one ray. Targets smaller than some pixels get more. Default: a choice of sampling.",
     )
     filter_width_nm: Positive = Field(
         default=1.0, exclude=True, description="Leave it out: a camera has the width of its bands [nm]."

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rso_lidar import optics, sampling, scene, units
-from rso_lidar.imaging.camera import AutoExposure, Band, Camera
+from rso_lidar.imaging.camera import AutoExposure, Band, Camera, CameraLens
 from rso_lidar.imaging.image_sensor import draw_pattern
 from rso_lidar.imaging.stars import image_stars, spread_stars
 from rso_lidar.optics import Laser
@@ -25,6 +25,9 @@ from rso_lidar.scene import Surface
 
 _SMEAR_STEP = 0.25  # pixels that the scene moves from one instant to the next
 _MOST_INSTANTS = 32
+_SPARSE_SIDE = 3  # of the largest grid of rays that only pixels on edges get; who asks for more wants exact light
+_LEAST_RAYS = 1024.0  # over the bounds of a target, for the light of a body that no pixel resolves
+_MOST_RAYS = 2.0**18  # over the bounds of all targets, where there would be fewer without that
 _ASSUMED_ALBEDO = 0.30  # of the Earth's image where the world gives none: the Bond albedo
 
 
@@ -173,7 +176,7 @@ def _gather_light(
 ) -> _Light:
     """Gather the light of targets and sky at one instant."""
     lens, image = camera.lens, np.empty(camera.shape)
-    first = sampling.cast_image(lens, lens.even_light, surfaces[0], view, threads)
+    first = _cast(lens, surfaces[0], view, threads)
     sky = _image_bodies(camera, view, natural)
     stars = _find_stars(camera, view, surfaces[0], natural)
     free = np.clip(1.0 - _sum_pixels(first, first.weight), 0.0, 1.0)
@@ -200,6 +203,29 @@ def _gather_light(
             plane = plane + _image_veil(camera, view, of_band, natural)
         image[..., number] = plane
     return _Light(image, first)
+
+
+def _cast(lens: CameraLens, surfaces: Sequence[Surface], view: Truth, threads: int | None) -> Hits:
+    """Cast the rays of an image, with as many per pixel as the smallest target in it needs.
+
+    A target smaller than a few pixels would get a ray or two, and the light of those places would stand for all of it.
+    """
+    extent, edge = scene.extent(surfaces, view), lens.field_edge
+    size = extent.high - extent.low
+    is_inside = np.all((extent.high > -edge) & (extent.low < edge) & (size > 0.0) & np.isfinite(size), axis=1)
+    sides = size[is_inside] / lens.pixel_tangent
+    per_pixel = 0.0
+    if len(sides):
+        wanted = _LEAST_RAYS / max(float(sides.prod(axis=1).min()), 1e-12)
+        per_pixel = min(wanted, _MOST_RAYS / float(np.sum(np.prod(sides + 1.0, axis=1))))
+    fine = lens
+    if (
+        per_pixel > lens.rays_per_side**2
+    ):  # not `replace`, which refuses grids that would be too many rays in all pixels
+        fine = lens.model_copy(update={"rays_per_pixel": math.ceil(math.sqrt(per_pixel)) ** 2})
+    elif lens.rays_per_side <= _SPARSE_SIDE:
+        return sampling.cast_image(lens, lens.even_light, surfaces, view, threads)
+    return sampling.cast_pixels(fine, lens.even_light, surfaces, view, threads)
 
 
 def _image_bodies(camera: Camera, view: Truth, natural: NaturalLight) -> np.ndarray:

@@ -10,6 +10,8 @@ from pydantic import Field, model_validator
 
 from rso_lidar.part import Count, Fraction, NotNegative, Part, Positive, Whole
 
+_CERTAIN = 1e6  # electrons above two full wells that always fill a pixel; numpy draws none above 9e18
+
 
 class ImageSensor(Part):
     """Pixels and electronics of an image sensor: the linear model of EMVA 1288, release 4.0.
@@ -73,7 +75,8 @@ class ImageSensor(Part):
         -------
         Counts of each pixel, u2.
         """
-        collected = np.minimum(rng.poisson(electrons), self.full_well_electrons)
+        full = self.full_well_electrons
+        collected = np.minimum(rng.poisson(np.minimum(electrons, 2.0 * full + _CERTAIN)), full)
         if self.read_noise_electrons > 0.0:
             collected = collected + self.read_noise_electrons * rng.standard_normal(electrons.shape)
         counts = np.rint(collected / self.gain_electrons + self.black_level_counts)

@@ -299,7 +299,8 @@ def _image_light(hits: Hits, light: np.ndarray, receiver: Receiver, wavelength_m
     """Sum the light of hits (hit) over pixels (row, col), behind the point spread function if there is one."""
     if receiver.psf is not None:
         return blur_sunlight(hits, light, receiver, wavelength_m)
-    return np.bincount(hits.pixel, light, receiver.n_rows * receiver.n_cols).reshape(receiver.shape)
+    counted = np.bincount(hits.pixel, light, receiver.n_rows * receiver.n_cols)
+    return counted.astype(float).reshape(receiver.shape)  # numpy counts whole numbers where there is no hit
 
 
 def _sides(hits: Hits) -> np.ndarray:

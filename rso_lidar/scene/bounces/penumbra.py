@@ -19,11 +19,16 @@ from rso_lidar.scene.casting.shadows import find_shadowed
 from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD
 from rso_lidar.scene.surfaces.surface import Surface
 
+_GOLDEN_RAD = np.pi * (3.0 - np.sqrt(5.0))
+_RIM, _RIM_POINTS = 0.97, 6  # over the Sun's radius: where hits in a penumbra are told from others
+_DISC_POINTS = 24  # of a hit in a penumbra; each hit turns them, so that those of a pixel do not err alike
+
 
 def soften_shadows(
     hits: Hits, surfaces: Sequence[Surface], truth: Truth, pixel_rad: float, threads: int | None = None
 ) -> Hits:
-    """Soften the edges of shadows of the Sun: near them, the visible share of its disc is found by rays to 12 of its points.
+    """Soften the edges of shadows of the Sun: near them, the visible share of its disc is found by rays to
+    its rim, and where these differ, to 24 points of it.
 
     A penumbra without any hit in full shadow or without any in full light is not found, such as that of a thin rod.
 
@@ -52,7 +57,7 @@ def soften_shadows(
     def soften(k: int, some: np.ndarray) -> None:
         on = near[some]
         points = localize_points(surfaces, k, truth, direction[on], facet[on], hits.range_m[on])
-        sunlight[on] = compute_sunlight(points, _find_visible_share)
+        sunlight[on] = compute_sunlight(points, lambda *disc: _find_visible_share(*disc, on))
 
     run_in_threads(threads, lambda piece: soften(*piece), split_by_surface(number[near], len(surfaces), BAND_RAYS))
     return replace(hits, sunlight_per_sr=sunlight)
@@ -103,28 +108,35 @@ def _find_shadow_edges(
     return near
 
 
-def _find_visible_share(hits: LocalHits, up: np.ndarray, disc: np.ndarray) -> np.ndarray:
+def _find_visible_share(hits: LocalHits, up: np.ndarray, disc: np.ndarray, number: np.ndarray) -> np.ndarray:
     """Find the share (hit) of the Sun's disc that no surface hides; 0 for hits that are not `up`.
 
-    Three points of the outer ring come first. Where they agree, the others are not asked.
+    Points on the rim of the disc come first. Where they agree, no others are asked.
 
     Parameters
     ----------
     up : (hit) hits on the Sun's side of their facet
-    disc : (point, xyz) points of equal weight on the disc, the outer ring last
+    disc : (point, xyz) points of equal weight on the disc
+    number : (hit) numbers that differ from hit to hit
     """
-    reach_m, hidden = np.full(len(up), np.inf), np.zeros((len(disc), len(up)), dtype=bool)
+    to_sun = disc.sum(axis=0)
+    to_sun /= np.linalg.norm(to_sun)
+    upward = np.cross(to_sun, disc[0])
+    upward /= np.linalg.norm(upward)
+    across, reach_m = np.cross(upward, to_sun), np.full(len(up), np.inf)
 
-    def ask(point: int, asked: np.ndarray) -> None:
-        toward = np.repeat(disc[point][:, None], len(up), axis=1)
-        hidden[point, find_shadowed(hits, asked, toward, reach_m)] = True
+    def count(radius: np.ndarray, angle: np.ndarray, asked: np.ndarray) -> np.ndarray:
+        """Count the points (hit) that something hides, at a share of the Sun's radius (point) and an angle (point) [rad]."""
+        hidden = np.zeros(len(up))
+        for sine, at in zip(radius * SUN_RADIUS_RAD, angle, strict=True):
+            turned = at + _GOLDEN_RAD * number
+            toward = to_sun[:, None] + sine * (np.cos(turned) * across[:, None] + np.sin(turned) * upward[:, None])
+            hidden[find_shadowed(hits, asked, toward / np.sqrt(dot(toward, toward)), reach_m)] += 1.0
+        return hidden
 
-    first = range(len(disc) // 2, len(disc), 2)
-    for point in first:
-        ask(point, up)
-    count = hidden[list(first)].sum(axis=0)
-    is_mixed = up & (count > 0) & (count < len(first))
-    for point in set(range(len(disc))) - set(first):
-        ask(point, is_mixed)
-    share = np.where(is_mixed, 1.0 - hidden.mean(axis=0), count == 0)
-    return np.where(up, share, 0.0)
+    of_rim = count(np.full(_RIM_POINTS, _RIM), np.arange(_RIM_POINTS) * (2.0 * np.pi / _RIM_POINTS), up)
+    is_mixed = up & (of_rim > 0.0) & (of_rim < _RIM_POINTS)
+    order = np.arange(_DISC_POINTS)
+    of_disc = count(np.sqrt((order + 0.5) / _DISC_POINTS), order * _GOLDEN_RAD, is_mixed)
+    visible = np.where(is_mixed, 1.0 - of_disc / _DISC_POINTS, of_rim == 0.0)
+    return np.where(up, visible, 0.0)
