@@ -54,7 +54,7 @@ def _get_rank(taxonomy: Taxonomy) -> tuple[int, int]:
 
 
 def print_materials() -> None:
-    """List the shipped materials: reflectance at both wavelengths, its quality, and a description."""
+    """List the shipped materials: reflectance by wavelength, its quality, and a description."""
     lines, table = list_materials(), Table(box=None, header_style="bold")
     for title in ("name", "BRDF", *(f"{nm:g} nm" for nm in lines[0].reflectance)):
         table.add_column(title, no_wrap=True)
