@@ -24,7 +24,7 @@ import numpy as np
 
 import rso_lidar as rl
 from models.build.materials import MATERIALS
-from models.build.measured import MEASUREMENTS, SOLAR, total_reflectance
+from models.build.measured import MEASUREMENTS, SOLAR, preset_reflectance
 from rso_lidar import part, records
 from rso_lidar.dataset.shards.layout import LabelledFrame
 from rso_lidar.dataset.specification.distributions import Law
@@ -99,7 +99,7 @@ def pages(*names: str) -> dict[Path, str]:
         "datasets.md": {"arrays": shard_arrays, "spec keys": dataset_keys},
         "glossary.md": {"classes": classes},
         "architecture.md": {"floors": floors, "rooms": rooms},
-        "calibration.md": {"measured": measured_materials},
+        "calibration.md": {"measured": measured_materials, "spectra": material_spectra},
         "models.md": {
             "part classes": part_classes,
             "symmetries": symmetries,
@@ -715,10 +715,21 @@ def measured_materials() -> str:
     lines += ["| --- | --- | ---: | ---: | ---: | --- | --- |"]
     for one in MEASUREMENTS:
         light = "solar" if one.wavelength_nm == SOLAR else f"{one.wavelength_nm:.0f} nm"
-        preset = total_reflectance(MATERIALS[one.material], one.wavelength_nm)
+        preset = preset_reflectance(MATERIALS[one.material], one.wavelength_nm)
         values = f"{one.reflectance:.2f} ± {one.uncertainty:.2g} | {preset:.2f} | {preset - one.reflectance:+.2f}"
         lines.append(f"| `{one.material}` | {light} | {values} | {one.sample} | {one.source} |")
     return "\n".join(lines)
+
+
+def material_spectra() -> str:
+    """Return the reflectances of the presets below 1064 nm, and where they come from."""
+    bands_nm = (460.0, 535.0, 575.0, 625.0, 850.0, 1064.0)
+    rows = []
+    for name, table in MATERIALS.items():
+        if (below := table.get("below_1064_nm")) and not name.endswith("_crinkled"):
+            shares = (f"{preset_reflectance(table, nm):.2g}" for nm in bands_nm)
+            rows.append((f"`{name}`", *shares, below["confidence"], below["source"]))
+    return _table(("preset", *(f"{nm:.0f} nm" for nm in bands_nm), "confidence", "source"), rows)
 
 
 def shipped_materials() -> str:

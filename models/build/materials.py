@@ -10,6 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 from models.build.measured import describe_measurements
+from models.build.spectra import scale_spectrum
+from rso_lidar import units
+from rso_lidar.scene import total_reflectance
 
 UNCALIBRATED = "uncalibrated engineering default"
 
@@ -265,5 +268,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
     ),
 }
 for _name, _table in MATERIALS.items():
+    if _below := scale_spectrum(_name, total_reflectance(_table, 1064.0 * units.NM)):
+        _table["below_1064_nm"] = _below
     if _measured := describe_measurements(_name.removesuffix("_crinkled"), _table):
         _table["source"] = f"{_table['source']}. {_measured}"

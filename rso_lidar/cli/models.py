@@ -51,7 +51,7 @@ def _get_rank(taxonomy: Taxonomy) -> tuple[int, int]:
 
 
 def print_materials() -> None:
-    """List the shipped materials: reflectance at both wavelengths, its quality, and a description."""
+    """List the shipped materials: reflectance by wavelength, its quality, and a description."""
     lines = list_materials()
     heads = ["name", "BRDF", *(f"{nm:g} nm" for nm in lines[0].reflectance), "what", "confidence"]
     rows = [

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
         own_folder,
         own_models,
     )
-    from rso_lidar.scene.materials.choice import AnyMaterial, ByWavelength, Named, find_material
+    from rso_lidar.scene.materials.choice import AnyMaterial, ByWavelength, Named, find_material, total_reflectance
     from rso_lidar.scene.materials.crinkle import Crinkled
     from rso_lidar.scene.materials.lobe import Lobe
     from rso_lidar.scene.materials.measured_brdf import TableBrdf
@@ -117,6 +117,7 @@ __all__ = [
     "soften_shadows",
     "split_at_hinges",
     "tabulate_loads",
+    "total_reflectance",
     "viewer_axes",
     "warn_of_repairs",
     "warn_of_size",

@@ -1,17 +1,18 @@
-"""The list of shipped materials, with their reflectance at the lasers' wavelengths."""
+"""The list of shipped materials, with their reflectance at the wavelengths of cameras and lasers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
-from rso_lidar.scene import load_materials
+from rso_lidar import units
+from rso_lidar.scene import load_materials, total_reflectance
+
+_WAVELENGTHS_NM = (460.0, 535.0, 625.0, 850.0, 1064.0, 1570.0)
 
 
 @dataclass(frozen=True)
 class MaterialLine:
-    """A material: kind of BRDF, total reflectance by the wavelength of a laser [nm], and confidence in the numbers."""
+    """A material: kind of BRDF, total reflectance by wavelength [nm], and confidence in the numbers."""
 
     name: str
     kind: str
@@ -26,29 +27,18 @@ def list_materials() -> list[MaterialLine]:
     Returns
     -------
     list of MaterialLine
-        Each with reflectances at 1064 and 1570 nm.
+        Each with reflectances at 1064 and 1570 nm, and in the middle of blue, green, red and near infrared bands.
 
-    >>> [line.reflectance for line in list_materials() if line.name == "mli_gold"]
-    [{1064.0: 0.8, 1570.0: 0.87}]
+    >>> [line.reflectance for line in list_materials() if line.name == "mli_silver"]
+    [{460.0: 0.8725, 535.0: 0.8678, 625.0: 0.8612, 850.0: 0.8242, 1064.0: 0.9, 1570.0: 0.96}]
     """
     return [
         MaterialLine(
             name,
-            table["type"],
-            table["what"],
-            {1064.0: _total_reflectance(table), 1570.0: _total_reflectance({**table, **table["at_1570_nm"]})},
-            table["confidence"],
+            entry["type"],
+            entry["what"],
+            {nm: round(total_reflectance(entry, nm * units.NM), 4) for nm in _WAVELENGTHS_NM},
+            entry["confidence"],
         )
-        for name, table in load_materials().items()
+        for name, entry in load_materials().items()
     ]
-
-
-def _total_reflectance(table: Mapping[str, Any]) -> float:
-    """Return the total reflectance over all directions."""
-    if table["type"] == "lambertian":
-        total = table["reflectance"]
-    elif table["type"] == "retro_reflector":
-        total = table["reflectance"] * table["fill_fraction"] + table["diffuse"]
-    else:
-        total = table["diffuse"] + table["specular"]
-    return round(float(total), 4)

@@ -343,11 +343,11 @@ class Mission(Part):
         """Build `surfaces`, and give the warnings of their construction, also where they were built before."""
         return self._build_surfaces(self.lidar.laser.wavelength_m)
 
-    def _build_surfaces(self, wavelength_m: float) -> tuple[Surface, ...]:
-        """Build the surfaces of all targets as light of a wavelength [m] sees them."""
+    def _build_surfaces(self, wavelength_m: float, place: str = "") -> tuple[Surface, ...]:
+        """Build the surfaces of all targets as light of a wavelength [m] sees them; `place` is named in errors."""
         surfaces: list[Surface] = []
         for number, target in enumerate(self.target):
-            with self.locate_errors(f"target {target.name}"):
+            with self.locate_errors(f"{place}target {target.name}"):
                 surfaces += build_surfaces(target, number, self.file, wavelength_m)
         return tuple(surfaces)
 
@@ -366,7 +366,10 @@ class Mission(Part):
         """Surfaces of the targets as each band of each camera sees them, by the camera's name."""
         with suppress_warnings():  # those of the meshes have been given
             return {
-                camera.name: tuple(self._build_surfaces(band.wavelength_m) for band in camera.bands)
+                camera.name: tuple(
+                    self._build_surfaces(band.wavelength_m, f"camera {camera.name}, band {band.name}: ")
+                    for band in camera.bands
+                )
                 for camera in self.camera
             }
 

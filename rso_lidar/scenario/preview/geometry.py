@@ -96,6 +96,7 @@ def preview_mission(mission: Mission, most_epochs: int = _MOST_EPOCHS) -> Previe
     with collect_warnings() as lines:
         # Warnings of their construction belong to the preview, even where a flight has built them before.
         _ = mission.build_surfaces() if "surfaces" in vars(mission) else mission.surfaces
+        _ = mission.camera_surfaces  # a material that a band of a camera lacks is an error before the run
         with mission.locate_errors():
             course = motion.truth(mission.bodies, epochs, **mission.world.motion_arguments)
             angles, rates, lag_rad = _point_lidar(mission, course)

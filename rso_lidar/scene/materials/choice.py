@@ -1,5 +1,6 @@
 """Materials chosen by wavelength or by a name of the catalogue, and the field that takes any material."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -26,7 +27,9 @@ OneMaterial = Annotated[
 
 
 class ByWavelength(MaterialPart):
-    """One material for each of several wavelengths. The one nearest to the laser's wavelength is used, within 5 %.
+    """One material for each of several wavelengths. The one nearest to the light's wavelength is used, within 5 %.
+
+    The light is that of the laser, and that in the middle of each band of a camera.
 
     `wavelength_nm` and `materials` have one entry each for every material.
     """
@@ -34,7 +37,10 @@ class ByWavelength(MaterialPart):
     type: Literal["by_wavelength"] = "by_wavelength"
     wavelength_nm: tuple[Positive, ...] = Field(description="Wavelength of each material [nm].")
     materials: tuple[OneMaterial, ...] = Field(
-        description="Material at each wavelength. The wavelength nearest to the laser's applies, within 5 %."
+        description=(
+            "Material at each wavelength. The wavelength nearest to that of the laser, or of a camera's band, applies, "
+            "within 5 %."
+        )
     )
 
     @model_validator(mode="after")
@@ -77,14 +83,15 @@ class ByWavelength(MaterialPart):
 class Named(MaterialPart):
     """A material of the catalogue (models/materials.toml) by its `name`; it may be written as the name alone.
 
-    It has one BRDF near 1064 nm and one near 1570 nm; the laser takes the nearer.
+    It has one BRDF near 1064 nm and one near 1570 nm; the nearer applies. Below 1064 nm most materials have total
+    reflectances at several wavelengths, linear in between. They scale the BRDF of 1064 nm, whose lobe stays (assumed).
     """
 
     type: Literal["named"] = "named"
     name: Text = Field(
         description=(
-            "Name in the catalogue models/materials.toml. The nearer of 1064 and 1570 nm to the laser's wavelength "
-            "applies."
+            "Name in the catalogue models/materials.toml. The nearer of 1064 and 1570 nm to the light's wavelength "
+            "applies; below 1064 nm its tabulated reflectances scale that of 1064 nm."
         )
     )
 
@@ -110,7 +117,9 @@ class Named(MaterialPart):
 _Described = Annotated[OneMaterial | ByWavelength | Named, Field(discriminator="type")]
 _ONE: TypeAdapter[Scatterer] = TypeAdapter(OneMaterial)
 _BETWEEN_M = 1.29e-6  # geometric mean of 1064 and 1570 nm
-_REMARKS = ("what", "source", "confidence", "display_rgb", "at_1570_nm")
+_MAIN_NM = 1064.0  # wavelength of the entries themselves
+_REMARKS = ("what", "source", "confidence", "display_rgb", "at_1570_nm", "below_1064_nm")
+_REFLECTANCES = ("reflectance", "diffuse", "specular")  # fields that scale with the total reflectance
 
 
 def _by_name(given: Any) -> Any:
@@ -122,7 +131,7 @@ AnyMaterial = Annotated[_Described | Material, Seam(_ByTable, Material)]
 
 
 def find_material(name: str, wavelength_m: float) -> Scatterer:
-    """Find a material of the catalogue by name, at the nearer of its two wavelengths.
+    """Find a material of the catalogue by name, as light of a wavelength sees it.
 
     Parameters
     ----------
@@ -137,15 +146,52 @@ def find_material(name: str, wavelength_m: float) -> Scatterer:
     ------
     MeshError : the catalogue has no material of that name, or its entry is wrong.
     """
-    fields = model_index.load_materials().get(name)
-    if fields is None:
+    entry = model_index.load_materials().get(name)
+    if entry is None:
         raise MeshError(
             f"models/materials.toml: unknown material '{name}'; add it, or give another in models/index.toml"
         )
-    if wavelength_m > _BETWEEN_M:
-        fields = {**fields, **fields.get("at_1570_nm", {})}
-    known = {key: value for key, value in fields.items() if key not in _REMARKS}
     try:
-        return _ONE.validate_python(known).at(wavelength_m)
+        return _ONE.validate_python(_choose_fields(entry, wavelength_m)).at(wavelength_m)
     except ValidationError as error:
         raise MeshError(f"models/materials.toml: {name}: {error.errors()[0]['msg']}; correct the entry") from None
+
+
+def total_reflectance(entry: Mapping[str, Any], wavelength_m: float) -> float:
+    """Return the total reflectance of a material of the catalogue over all directions.
+
+    It is the sum of the reflectances in the entry. Crinkled foil loses the light that meets it twice beside this.
+
+    Parameters
+    ----------
+    entry : entry of the catalogue, as `load_materials` returns it
+    wavelength_m : wavelength of the light [m]
+
+    Returns
+    -------
+    Reflectance, from 0 to 1.
+
+    >>> round(total_reflectance(model_index.load_materials()["gold_bare"], 460e-9), 2)
+    0.38
+    """
+    return _add_reflectances(_choose_fields(entry, wavelength_m))
+
+
+def _choose_fields(entry: Mapping[str, Any], wavelength_m: float) -> dict[str, Any]:
+    """Return the fields of a material's BRDF at a wavelength [m]: the entry's, those at 1570 nm, or those scaled."""
+    fields = {key: value for key, value in entry.items() if key not in _REMARKS}
+    if wavelength_m > _BETWEEN_M:
+        return {**fields, **entry.get("at_1570_nm", {})}
+    below = entry.get("below_1064_nm")
+    light_nm = round(wavelength_m / units.NM, 6)
+    if below is None or light_nm >= _MAIN_NM:
+        return fields
+    main = _add_reflectances(fields)
+    total = np.interp(light_nm, [*below["wavelength_nm"], _MAIN_NM], [*below["reflectance"], main])
+    return fields | {key: fields[key] * float(total) / main for key in _REFLECTANCES if key in fields}
+
+
+def _add_reflectances(fields: Mapping[str, Any]) -> float:
+    """Return the total reflectance of the fields of a BRDF."""
+    total = fields.get("reflectance", 0.0) * fields.get("fill_fraction", 1.0)
+    return float(total + fields.get("diffuse", 0.0) + fields.get("specular", 0.0))

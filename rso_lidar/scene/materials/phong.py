@@ -16,7 +16,7 @@ _NARROW_EXPONENT = 100.0  # broader lobes hardly change over the Sun's disc: 0.5
 class Lambertian(MaterialPart):
     """A surface equally bright from everywhere: ρ = ρ₀/π (Fuller et al., eq. 9).
 
-    `reflectance` is ρ₀ at the laser's wavelength.
+    `reflectance` is ρ₀ at the laser's wavelength, and in every band of a camera.
     """
 
     type: Literal["lambertian"] = "lambertian"

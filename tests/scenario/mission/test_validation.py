@@ -122,6 +122,23 @@ def test_what_only_files_can_tell(old, new, words, text):
     assert all(word in str(error.value) for word in ["bench.toml", *words])
 
 
+def test_a_material_that_a_camera_s_band_lacks_is_refused_before_the_flight(text):
+    """What is given at 1064 nm alone has no colour; the line names camera, band and part."""
+    old = 'material = { type = "lambertian", reflectance = 0.30 }'
+    assert old in text
+    cells = '{ type = "by_wavelength", wavelength_nm = [1064], materials = [{ type = "lambertian" }] }'
+    camera = '[[camera]]\nname = "nav"\nbands = "rgb"\nlens = { fov_deg = 4, f_number = 4 }\n[lidar.laser]'
+    scenario = rl.Scenario.loads(
+        text.replace(old, f"material = {cells}").replace("[lidar.laser]", camera), where="bench.toml"
+    )
+    says = (
+        r"^bench.toml: camera nav, band red: target plate: material: by_wavelength: no material .* 625 nm .*; add one"
+    )
+    for act in (scenario.describe, lambda: list(rl.simulate(scenario))):
+        with pytest.raises(ScenarioError, match=says):
+            act()
+
+
 @pytest.mark.parametrize("name", ["lidar", "ptu", "inertial", "follower", "sun_direction"])
 def test_reserved_names_of_axes(name, text):
     with pytest.raises(ScenarioError, match="reserved"):
