@@ -46,8 +46,13 @@ class Format:
     extra: str = ""
 
 
-_CLOUD = "the line of sight of pixels without a return, further returns of a pixel, photons and most labels"
-_MESSAGES = "most labels, photons, further returns, kept records, and samples of other sensors that are not valid"
+_CLOUD = (
+    "the line of sight of pixels without a return, further returns of a pixel, photons, most labels, images of cameras"
+)
+_MESSAGES = (
+    "most labels, photons, further returns, kept records, exposure times of cameras, and samples of other sensors that are "
+    "not valid"
+)
 _TABLE = "all images, labels and settings: a table of the truth, or of the samples of one sensor"
 _POSES = "all images, labels and settings: only where things were is kept"
 
@@ -78,7 +83,15 @@ FORMATS = {
             "formats.bop:write_bop",
             True,
             "range finer than one step of 16 bits (depth_scale of each frame, in mm), what false triggers report far "
-            "behind the targets, silhouettes behind other targets, further returns, photons and most labels",
+            "behind the targets, silhouettes behind other targets, further returns, photons, most labels, and all but the "
+            "first band of cameras that have neither one nor three",
+        ),
+        Format(
+            "png",
+            (".png",),
+            "formats.png:write_png",
+            True,
+            "all images of the lidar and all labels: only images of cameras, and where things were, are kept",
         ),
         Format("mcap", (".mcap",), "formats.mcap:write_mcap", False, _MESSAGES, "mcap"),
         Format("rosbag2", (".rosbag2",), "formats.rosbag2:write_rosbag2", True, _MESSAGES, "mcap"),
@@ -87,7 +100,7 @@ FORMATS = {
             (".raw",),
             "",
             False,
-            "times, poses, labels, and what the words of the report cannot hold of range and intensity",
+            "times, poses, labels, images of cameras, and what the words of the report cannot hold of range and intensity",
         ),
         Format("tum", (".tum",), "formats.trajectory:write_tum", False, _POSES),
         Format("kitti", (".kitti",), "formats.trajectory:write_kitti", False, f"{_POSES}, without times"),

@@ -8,10 +8,9 @@ centre of mass.
 
 from __future__ import annotations
 
-import io
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, TextIO
@@ -19,6 +18,13 @@ from typing import Any, TextIO
 import numpy as np
 
 from rso_lidar.errors import RecordingError, warn
+from rso_lidar.export.formats.companion_camera import (
+    CompanionCamera,
+    check_images,
+    compute_camera_poses,
+    read_cameras,
+)
+from rso_lidar.export.formats.png import encode_png
 from rso_lidar.export.layout.datasets import compute_lidar_poses
 from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_files import describe_frame, get_file_stem, write_new_file, write_source
@@ -27,7 +33,8 @@ from rso_lidar.records import Frame
 from rso_lidar.units import MM
 
 SCENE = "000000"
-FOLDERS = ("depth", "gray", "mask", "mask_visib")
+MASKS = ("mask", "mask_visib")
+FOLDERS = ("depth", "gray", *MASKS)
 TABLES = ("scene_camera", "scene_gt", "scene_gt_info")
 _FULL = 2**16 - 1
 _BEYOND, _BEYOND_M = 1.01, 10.0  # margins of the depth scale beyond the farthest target: a factor, and metres
@@ -39,15 +46,23 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
 
     The number of an image is that of its frame. The number of an object is the position of its target in source.json,
     from 1. Intensities are 16-bit grey PNGs. No label holds what another target hides, so `mask` equals `mask_visib`.
+
+    A camera beside the lidar has folders and tables of its own in the scene, which end in its name as those of a sensor in
+    the industrial sets of BOP: `rgb_nav` or `gray_nav`, `mask_nav`, `mask_visib_nav`, `scene_camera_nav.json` and so on.
     """
     place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
+    cameras = read_cameras(place, first)
+    _warn_of_limits(place, cameras.values())
+    endings = ["", *(f"_{name}" for name in cameras)]
     with draft_export_folder(place, overwrite=overwrite) as draft, ExitStack() as stack:
         write_source(draft, first.source, "bop")
         scene = draft / SCENE
-        for name in FOLDERS:
+        pictures = [f"{_get_kind(camera)}_{camera.name}" for camera in cameras.values()]
+        for name in (*FOLDERS, *pictures, *(f"{mask}{ending}" for mask in MASKS for ending in endings[1:])):
             (scene / name).mkdir(parents=True)
-        tables = {name: stack.enter_context(_open_table(scene / f"{name}.json")) for name in TABLES}
+        names = [f"{name}{ending}" for name in TABLES for ending in endings]
+        tables = {name: stack.enter_context(_open_table(scene / f"{name}.json")) for name in names}
         lines = stack.enter_context((draft / "frames.jsonl").open("w", encoding="utf-8", newline="\n"))
         sight: np.ndarray | None = None
         warned = False
@@ -62,18 +77,63 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
                         "pinhole that BOP knows; for exact points use .pcd"
                     )
                 if frame is first:
-                    _write_camera(draft, frame, camera)
+                    _write_camera(draft / "camera.json", camera.ravel().tolist(), frame.range_m.shape)
             depth_scale = _write_images(place, scene, frame)
             number = str(frame.index)
             described = {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
             _write_entry(tables["scene_camera"], number, described)
-            poses, infos = _describe_objects(place, scene, frame)
+            seen = compute_lidar_poses(frame.truth.poses)
+            poses, infos = _describe_objects(place, scene, frame, "", seen, frame.labels.target, frame.valid)
             _write_entry(tables["scene_gt"], number, poses)
             _write_entry(tables["scene_gt_info"], number, infos)
+            check_images(place, frame, cameras)
+            for other in cameras.values():
+                for table, entry in _write_companion(place, scene, frame, other).items():
+                    _write_entry(tables[f"{table}_{other.name}"], number, entry)
             lines.write(
                 json.dumps({"file": f"{SCENE}/depth/{get_file_stem(place, frame)}.png", **describe_frame(frame)}) + "\n"
             )
+        for other in cameras.values():
+            _write_camera(draft / SCENE / f"camera_{other.name}.json", other.pinhole.matrix, other.shape)
     return place
+
+
+def _get_kind(camera: CompanionCamera) -> str:
+    """Return the name that BOP has for images of this number of bands."""
+    return "rgb" if len(camera.bands) == 3 else "gray"
+
+
+def _warn_of_limits(place: Path, cameras: Iterable[CompanionCamera]) -> None:
+    """Warn of what BOP cannot hold of the cameras beside the lidar."""
+    for camera in cameras:
+        off_pixels = camera.pinhole.measure_bend_px(camera.shape[0], camera.shape[1])
+        if off_pixels > MOST_OFF_PINHOLE_PIXELS:
+            warn(
+                f"{place}: camera '{camera.name}': the lens moves points by up to {off_pixels:.2g} pixels from the pinhole "
+                "that BOP knows; for the coefficients use .png"
+            )
+        if len(camera.bands) not in (1, 3):
+            warn(
+                f"{place}: camera '{camera.name}': BOP knows grey and RGB images, so band '{camera.bands[0]['name']}' alone "
+                "is written; for all bands use .png"
+            )
+
+
+def _write_companion(place: Path, scene: Path, frame: Frame, camera: CompanionCamera) -> dict[str, Any]:
+    """Write the image of a camera beside the lidar, and return its entry of each table."""
+    image, labels = frame.camera[camera.name], frame.camera_labels[camera.name]
+    kind = _get_kind(camera)
+    file = scene / f"{kind}_{camera.name}" / f"{get_file_stem(place, frame)}.png"
+    write_new_file(place, file, encode_png(image.counts if kind == "rgb" else image.counts[..., 0]))
+    seen = compute_camera_poses(frame, camera.name)
+    no_depth = np.zeros(labels.target.shape, dtype=bool)
+    poses, infos = _describe_objects(place, scene, frame, f"_{camera.name}", seen, labels.target, no_depth)
+    described = {
+        "cam_K": list(camera.pinhole.matrix),
+        "time_s": frame.time_s,
+        "exposure_s": float(image.exposure_s),
+    }
+    return dict(zip(TABLES, (described, poses, infos), strict=True))
 
 
 def fit_pinhole(place: Path, line_of_sight: np.ndarray) -> tuple[np.ndarray, float]:
@@ -160,29 +220,43 @@ def _write_images(place: Path, scene: Path, frame: Frame) -> float:
     return step
 
 
-def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
-    """Write camera.json with the camera of the first frame, because tools expect one camera per folder.
+def _write_camera(file: Path, matrix: Sequence[float], shape: Sequence[int]) -> None:
+    """Write a file with one camera, that of the first frame, because tools expect one camera per folder.
 
     Parameters
     ----------
-    camera : (3, 3) matrix [pixels]
+    matrix : 3 x 3, row by row [pixels]
+    shape : of its images (row, col, …)
     """
-    rows, cols = frame.range_m.shape
     content = {
-        "cx": camera[0, 2],
-        "cy": camera[1, 2],
-        "fx": camera[0, 0],
-        "fy": camera[1, 1],
-        "width": cols,
-        "height": rows,
+        "cx": matrix[2],
+        "cy": matrix[5],
+        "fx": matrix[0],
+        "fy": matrix[4],
+        "width": shape[1],
+        "height": shape[0],
     }
-    (folder / "camera.json").write_text(json.dumps(content, indent=1) + "\n", newline="\n")
+    file.write_text(json.dumps(content, indent=1) + "\n", newline="\n")
 
 
-def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Write the masks of the targets of a frame, and describe their poses and visible areas."""
+def _describe_objects(
+    place: Path,
+    scene: Path,
+    frame: Frame,
+    ending: str,
+    seen: Mapping[str, np.ndarray],
+    target: np.ndarray,
+    has_depth: np.ndarray,
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Write the masks of the targets in an image of a frame, and describe their poses and visible areas.
+
+    Parameters
+    ----------
+    seen : matrix (4, 4) of image_from_<name> for all axes
+    target : (row, col) index of the target, -1 for sky
+    has_depth : (row, col)
+    """
     poses, infos = [], []
-    seen = compute_lidar_poses(frame.truth.poses)
     here = [(number, target.name) for number, target in enumerate(frame.source.targets) if target.name in seen]
     for place_in_image, (number, name) in enumerate(here):
         matrix = seen[name]
@@ -193,17 +267,17 @@ def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict
                 "obj_id": number + 1,
             }
         )
-        mask = frame.labels.target == number
+        mask = target == number
         file = f"{get_file_stem(place, frame)}_{place_in_image:06d}.png"
-        for folder in ("mask", "mask_visib"):
-            write_new_file(place, scene / folder / file, encode_png((mask * 255).astype(np.uint8)))
+        for folder in MASKS:
+            write_new_file(place, scene / f"{folder}{ending}" / file, encode_png((mask * 255).astype(np.uint8)))
         count, box = int(mask.sum()), _find_box(mask)
         infos.append(
             {
                 "bbox_obj": box,
                 "bbox_visib": box,
                 "px_count_all": count,
-                "px_count_valid": int((mask & frame.valid).sum()),
+                "px_count_valid": int((mask & has_depth).sum()),
                 "px_count_visib": count,
                 "visib_fract": 1.0 if count else 0.0,
             }
@@ -218,25 +292,6 @@ def _find_box(mask: np.ndarray) -> list[int]:
         return [-1, -1, -1, -1]
     left, top = int(col.min()), int(row.min())
     return [left, top, int(col.max()) - left + 1, int(row.max()) - top + 1]
-
-
-def encode_png(image: np.ndarray) -> bytes:
-    """Encode an image as a grey PNG.
-
-    Parameters
-    ----------
-    image : (row, col) uint8 or uint16
-
-    Returns
-    -------
-    bytes
-        The content of the file.
-    """
-    from PIL import Image
-
-    stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(image)).save(stream, format="PNG")
-    return stream.getvalue()
 
 
 @contextmanager

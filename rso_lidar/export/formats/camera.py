@@ -11,7 +11,7 @@ _SIDE = 33  # rows and columns that are fitted; the error is taken over all
 
 
 @dataclass(frozen=True)
-class Camera:
+class PinholeCamera:
     """A camera in pixels: column = focal_px x_d + centre_px[0], row = focal_px y_d + centre_px[1].
 
     (0, 0) is the centre of the first pixel. (x_d, y_d) are the tangents (x/z, y/z) of a direction in lidar axes after
@@ -31,8 +31,17 @@ class Camera:
         col, row = self.centre_px
         return (self.focal_px, 0.0, col, 0.0, self.focal_px, row, 0.0, 0.0, 1.0)
 
+    def measure_bend_px(self, n_rows: int, n_cols: int) -> float:
+        """Return how far the distortion moves points of the pixels' grid, at most [px]."""
+        x, y = np.meshgrid(*((np.arange(n) - 0.5 * (n - 1)) / self.focal_px for n in (n_cols, n_rows)))
+        k1, k2, p1, p2, k3 = self.distortion
+        along_x, along_y = (
+            np.tensordot((k1, k2, k3, p1, p2), np.stack(columns[1:]), axes=1) for columns in _list_basis(x, y)
+        )
+        return float(self.focal_px * np.hypot(along_x, along_y).max())
 
-def fit_camera(line_of_sight: np.ndarray) -> Camera:
+
+def fit_camera(line_of_sight: np.ndarray) -> PinholeCamera:
     """Fit a camera with square pixels to lines of sight, without distortion if that suffices.
 
     Parameters
@@ -41,20 +50,20 @@ def fit_camera(line_of_sight: np.ndarray) -> Camera:
 
     Returns
     -------
-    Camera
+    PinholeCamera
         Focal length, centre and distortion in the convention of OpenCV [pixels], with the greatest error.
     """
     n_rows, n_cols = line_of_sight.shape[:2]
     centre = 0.5 * (n_cols - 1), 0.5 * (n_rows - 1)
     if n_rows * n_cols < 2:
-        return Camera(0.0, centre, (0.0,) * 5, 0.0)
+        return PinholeCamera(0.0, centre, (0.0,) * 5, 0.0)
     straight = _fit_model(line_of_sight, terms=1)
     if straight.error_px < _STRAIGHT_PX:
         return straight
     return min(straight, _fit_model(line_of_sight, terms=6), key=lambda camera: camera.error_px)
 
 
-def _fit_model(line_of_sight: np.ndarray, terms: int) -> Camera:
+def _fit_model(line_of_sight: np.ndarray, terms: int) -> PinholeCamera:
     """Fit the first of the terms focal length, k1, k2, k3, p1, p2 by linear least squares."""
     n_rows, n_cols = line_of_sight.shape[:2]
     x, y = (line_of_sight[..., axis] / line_of_sight[..., 2] for axis in (0, 1))
@@ -79,7 +88,7 @@ def _fit_model(line_of_sight: np.ndarray, terms: int) -> Camera:
     bends = [factor / factors[0] if factors[0] else 0.0 for factor in factors[1:]]
     k1, k2, k3, p1, p2 = bends + [0.0] * (6 - terms)
     distortion = (k1 / scale**2, k2 / scale**4, p1 / scale, p2 / scale, k3 / scale**6)
-    return Camera(factors[0] / scale, centre, distortion, error_px)
+    return PinholeCamera(factors[0] / scale, centre, distortion, error_px)
 
 
 def _list_basis(x: np.ndarray, y: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:

@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export.formats.camera import Camera, fit_camera
+from rso_lidar.export.formats.camera import PinholeCamera, fit_camera
+from rso_lidar.export.formats.companion_camera import CompanionCamera, check_images, read_cameras
 from rso_lidar.export.formats.ros_messages import CAMERA_INFO, DEFINITIONS, IMAGE, POINT_CLOUD, TRANSFORMS
-from rso_lidar.export.formats.sensor_messages import list_samples, list_topics, make_mounts
+from rso_lidar.export.formats.sensor_messages import list_samples, list_topics, make_mounts, to_word
 from rso_lidar.export.formats.trajectory import to_stamp_ns
 from rso_lidar.export.layout.target_table import tabulate_targets
 from rso_lidar.export.writer.frame_stream import take_first
@@ -68,7 +69,9 @@ class RosStream:
         self._sight, self.camera = first.line_of_sight, fit_camera(first.line_of_sight)
         self._sensors = list_topics(first)
         self._mounts = make_mounts(self._sensors, first.source)
-        self.kinds = TOPICS | {topic.topic: topic.kind for topic in self._sensors}
+        self._cameras = read_cameras(self._place, first)
+        of_cameras = _list_camera_topics(self._cameras)
+        self.kinds = TOPICS | of_cameras | {topic.topic: topic.kind for topic in self._sensors}
         self.definitions = DEFINITIONS | {topic.kind: topic.definition for topic in self._sensors if topic.definition}
 
     def convert_frame(self, frame: Frame) -> Iterator[tuple[str, dict[str, Any], int]]:
@@ -78,6 +81,14 @@ class RosStream:
         at_ns = self.to_stamp_ns(frame.time_s)
         for topic, message in _messages(frame, at_ns, self.camera, self._mounts).items():
             yield topic, message, at_ns
+        check_images(self._place, frame, self._cameras)
+        for camera in self._cameras.values():
+            for topic, message in _make_camera_messages(camera, frame.camera[camera.name].counts, at_ns).items():
+                yield topic, message, at_ns
+
+    def describe_cameras(self) -> list[dict[str, Any]]:
+        """Return each camera beside the lidar as a table that JSON can hold."""
+        return [camera.describe() for camera in self._cameras.values()]
 
     def convert_samples(self, samples: Mapping[str, SensorSamples]) -> Iterator[tuple[str, dict[str, Any], int]]:
         """Yield topic, message and time of each sample, in the order in which they become available."""
@@ -104,12 +115,13 @@ def to_ros_time(at_ns: int) -> dict[str, int]:
 
 
 def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
-    """Write frames to an MCAP file, with seven messages per frame on the topics of `TOPICS`. Return its path.
+    """Write frames to an MCAP file, with seven messages per frame on the topics of `TOPICS`, and return its path.
 
     `/lidar/points` is an organised cloud, NaN where nothing came back, with x, y, z [m] and intensity [counts] as
     float32. `/lidar/range` is 32FC1, slant range [m] with NaN. `/lidar/intensity` is mono16. `/tf` holds all axes,
     parent_from_child of each. `/labels/target` and `/labels/part` are 16SC1: indices of targets and their parts, -1 for
-    sky. Each sample of another sensor is a message of its own, see `sensor_messages`.
+    sky. A camera beside the lidar has `/<name>/image_raw` (mono16, rgb16 or 16UC<n>, counts) and `/<name>/camera_info`, with
+    the stamp of the flash. Each sample of another sensor is a message of its own, see `sensor_messages`.
     """
     place = check_writable(path, overwrite=overwrite)
     check_mcap(place)
@@ -141,7 +153,7 @@ def write_messages(place: Path, draft: Path, first: Frame, frames: Iterable[Fram
         schemas = {
             kind: writer.register_msgdef(kind, stream.definitions[kind]) for kind in dict.fromkeys(kinds.values())
         }
-        writer.add_metadata("rso_lidar", _provenance(first.source, stream.camera))
+        writer.add_metadata("rso_lidar", _provenance(first.source, stream))
         for frame in frames:
             check_stream(file, draft, place)
             for topic, message, at_ns in [
@@ -173,7 +185,7 @@ def _check_file(place: Path, draft: Path, messages: int) -> None:
         raise RunError(f"{place}: not written: the file has {count} of {messages} messages; run again")
 
 
-def _provenance(source: Source, camera: Camera) -> dict[str, str]:
+def _provenance(source: Source, stream: RosStream) -> dict[str, str]:
     """Return the metadata of a file, which suffices to repeat the simulation."""
     return {
         "title": source.title,
@@ -183,11 +195,58 @@ def _provenance(source: Source, camera: Camera) -> dict[str, str]:
         "versions": json.dumps(dict(source.versions)),
         "targets": json.dumps(tabulate_targets(source.targets)),
         "quaternion_order": "xyzw",
-        "camera_model_error_px": f"{camera.error_px:.3g}",
+        "camera_model_error_px": f"{stream.camera.error_px:.3g}",
+        "cameras": json.dumps(stream.describe_cameras()),
     }
 
 
-def _messages(frame: Frame, at_ns: int, camera: Camera, mounts: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+def _list_camera_topics(cameras: Mapping[str, CompanionCamera]) -> dict[str, str]:
+    """Return the type of each topic of the cameras; raise a `RecordingError` if two cameras have the same topic."""
+    topics: dict[str, str] = {}
+    for name in cameras:
+        if (image := f"/{to_word(name)}/image_raw") in topics:
+            raise RecordingError(f"cameras: two have the topic {image} in ROS; rename one")
+        topics |= {f"/{to_word(name)}/camera_info": CAMERA_INFO, image: IMAGE}
+    return topics
+
+
+def _make_camera_messages(camera: CompanionCamera, counts: np.ndarray, at_ns: int) -> dict[str, dict[str, Any]]:
+    """Return the messages of an image by topic.
+
+    Parameters
+    ----------
+    counts : (row, col, band)
+    at_ns : stamp of the flash [ns since 1970]
+    """
+    rows, cols, bands = camera.shape
+    header = {"stamp": to_ros_time(at_ns), "frame_id": camera.name}
+    size = {"header": header, "height": rows, "width": cols}
+    encoding = {1: "mono16", 3: "rgb16"}.get(bands, f"16UC{bands}")
+    return {
+        f"/{to_word(camera.name)}/camera_info": _describe_camera(size, camera.pinhole),
+        f"/{to_word(camera.name)}/image_raw": _image(size, encoding, counts.astype("<u2")),
+    }
+
+
+def _describe_camera(size: dict[str, Any], camera: PinholeCamera) -> dict[str, Any]:
+    """Return a CameraInfo message."""
+    focal, centre = camera.focal_px, camera.centre_px
+    return {
+        **size,
+        "distortion_model": "plumb_bob",
+        "d": list(camera.distortion),
+        "k": list(camera.matrix),
+        "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        "p": [focal, 0.0, centre[0], 0.0, 0.0, focal, centre[1], 0.0, 0.0, 0.0, 1.0, 0.0],
+        "binning_x": 0,
+        "binning_y": 0,
+        "roi": {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False},
+    }
+
+
+def _messages(
+    frame: Frame, at_ns: int, camera: PinholeCamera, mounts: Sequence[dict[str, Any]]
+) -> dict[str, dict[str, Any]]:
     """Return the messages of a frame by topic.
 
     Parameters
@@ -205,20 +264,9 @@ def _messages(frame: Frame, at_ns: int, camera: Camera, mounts: Sequence[dict[st
     cloud[..., 3] = frame.intensity_counts
     fields = [{"name": name, "offset": 4 * k, "datatype": _FLOAT32, "count": 1} for k, name in enumerate(_FIELDS)]
     size = {"header": header, "height": rows, "width": cols}
-    focal, centre = camera.focal_px, camera.centre_px
     return {
         "/tf": {"transforms": _transforms(frame, stamp) + [on_follower | mount for mount in mounts]},
-        "/lidar/camera_info": {
-            **size,
-            "distortion_model": "plumb_bob",
-            "d": list(camera.distortion),
-            "k": list(camera.matrix),
-            "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            "p": [focal, 0.0, centre[0], 0.0, 0.0, focal, centre[1], 0.0, 0.0, 0.0, 1.0, 0.0],
-            "binning_x": 0,
-            "binning_y": 0,
-            "roi": {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False},
-        },
+        "/lidar/camera_info": _describe_camera(size, camera),
         "/lidar/range": _image(size, "32FC1", frame.range_m.astype("<f4")),
         "/lidar/intensity": _image(size, "mono16", frame.intensity_counts.astype("<u2")),
         "/lidar/points": {
@@ -240,9 +288,9 @@ def _image(size: dict[str, Any], encoding: str, values: np.ndarray) -> dict[str,
 
     Parameters
     ----------
-    values : (row, col)
+    values : (row, col) or (row, col, band)
     """
-    step = values.itemsize * values.shape[1]
+    step = values[0].nbytes
     return {**size, "encoding": encoding, "is_bigendian": 0, "step": step, "data": values.tobytes()}
 
 

@@ -104,7 +104,7 @@ def _make_topics(
     name: str, samples: SensorSamples, partner: str | None, table: Mapping[str, Any]
 ) -> Iterator[SensorTopic]:
     """Yield the topics of a sensor."""
-    base, axes = f"/sensors/{_to_word(name)}", f"sensors/{name}"
+    base, axes = f"/sensors/{to_word(name)}", f"sensors/{name}"
     match samples:
         case GyroSamples() | AccelerometerSamples():
             yield SensorTopic(f"{base}/imu", IMU, axes, (name, partner) if partner else (name,), _make_imu)
@@ -221,10 +221,10 @@ def _define(samples: SensorSamples) -> tuple[str, str]:
 def _own_fields(samples: SensorSamples) -> dict[str, str]:
     """Return the fields that a record has beside those of all records of samples, with their names in ROS."""
     own = [field for field in specs(type(samples)) if field not in specs(SensorSamples)]
-    return {field: _to_word(field).lower() for field in own if getattr(samples, field) is not None}
+    return {field: to_word(field).lower() for field in own if getattr(samples, field) is not None}
 
 
-def _to_word(name: str) -> str:
+def to_word(name: str) -> str:
     """Return a name with the characters that names in ROS may have."""
     return re.sub(r"[^A-Za-z0-9_]", "_", name)
 

@@ -144,4 +144,5 @@ def _find_foreign(place: Path) -> str:
     if not any((place / name).is_file() and MARK in (place / name).read_text(errors="replace") for name in MARKS):
         return next(entry.name for entry in sorted(place.iterdir()))
     others = (entry for entry in sorted(place.iterdir()) if not _OURS.fullmatch(entry.name))
-    return next((entry.name for entry in others if not (entry / "zarr.json").is_file()), "")
+    groups = ("zarr.json", "camera.json")  # in each folder of a Zarr store, and of a camera's images
+    return next((entry.name for entry in others if not any((entry / name).is_file() for name in groups)), "")
