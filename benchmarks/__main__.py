@@ -12,6 +12,7 @@ from pathlib import Path
 from benchmarks import (
     cameras,
     dataset,
+    environments,
     footprint,
     growth,
     labelled,
@@ -37,6 +38,7 @@ PARTS = (
     "workers",
     "startup",
     "loop",
+    "environments",
     "growth",
     "orbit",
     "footprint",
@@ -73,6 +75,7 @@ def main() -> None:
         "workers": lambda: workers.run(quick=chosen.quick),
         "startup": lambda: startup.run(quick=chosen.quick),
         "loop": lambda: loop.run(quick=chosen.quick),
+        "environments": lambda: environments.run(quick=chosen.quick),
         "growth": lambda: growth.run(quick=chosen.quick, frames=chosen.frames, pictures=pictures),
         "orbit": lambda: orbit.run(quick=chosen.quick, frames=chosen.frames),
         "footprint": lambda: footprint.run(quick=chosen.quick),

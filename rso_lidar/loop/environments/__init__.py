@@ -9,9 +9,18 @@ from rso_lidar.loop.environments.episodes import draw_approach, draw_pass
 from rso_lidar.loop.environments.lidar_environment import LidarEnvironment
 from rso_lidar.loop.environments.point_and_track import PointAndTrack
 from rso_lidar.loop.environments.registration import register_environments
+from rso_lidar.loop.environments.vector_environment import LidarVectorEnvironment
 from rso_lidar.public_names import limit_dir
 
-__all__ = ["Approach", "LidarEnvironment", "PointAndTrack", "draw_approach", "draw_pass", "register_environments"]
+__all__ = [
+    "Approach",
+    "LidarEnvironment",
+    "LidarVectorEnvironment",
+    "PointAndTrack",
+    "draw_approach",
+    "draw_pass",
+    "register_environments",
+]
 
 __dir__ = limit_dir(__name__)
 

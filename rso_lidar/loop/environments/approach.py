@@ -129,5 +129,5 @@ class Approach(LidarEnvironment):
 
     def _place_m(self, frame: Frame) -> list[float]:
         """Return the follower's position in the target's rtn axes [m]."""
-        place: list[float] = frame.truth.pose(f"{self.target}.rtn", "follower").translation.tolist()
+        place: list[float] = frame.truth.poses.place(f"{self.target}.rtn", "follower")[0].tolist()
         return place

@@ -78,7 +78,7 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
             )
         if self.scenario.time.n_frames < 2:
             raise ScenarioError("scenario: has one flash, and a step goes from one to the next; raise time.duration_s")
-        self.render_mode, self._draw, self._threads, self._lost_after_s = render_mode, draw, threads, lost_after_s
+        self.render_mode, self.draw, self._threads, self._lost_after_s = render_mode, draw, threads, lost_after_s
         receiver, detector = self.scenario.lidar.receiver, self.scenario.lidar.detector
         shape = (receiver.n_rows, receiver.n_cols)
         range_m = min(float(detector.traits.sees_to_m), _MOST_RANGE_M)
@@ -118,7 +118,7 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
         super().reset(seed=seed)
         if not (options is None or options == {}):
             raise ScenarioError(f"options: {options!r:.40} is given, and no options are known; leave it out")
-        scenario = self.scenario if self._draw is None else self._draw(self.scenario, self.np_random)
+        scenario = self.scenario if self.draw is None else self.draw(self.scenario, self.np_random)
         self.simulation = Simulation(scenario.with_seed(int(self.np_random.integers(2**31))), threads=self._threads)
         frame = self._frame = self.simulation.step()
         self._seen_s = frame.time_s

@@ -138,5 +138,5 @@ class PointAndTrack(LidarEnvironment):
 
     def _off_boresight_rad(self, frame: Frame) -> float:
         """Return the angle between the boresight and the target's centre of mass [rad]."""
-        x, y, z = frame.truth.pose("lidar", self.target).translation.tolist()
+        x, y, z = frame.truth.poses.place("lidar", self.target)[0].tolist()
         return math.atan2(math.hypot(x, y), z)

@@ -17,7 +17,13 @@ gymnasium = pytest.importorskip("gymnasium", reason="the extra `gym` is not inst
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 
-from rso_lidar.loop.environments import Approach, PointAndTrack, draw_approach, draw_pass  # noqa: E402
+from rso_lidar.loop.environments import (  # noqa: E402
+    Approach,
+    LidarVectorEnvironment,
+    PointAndTrack,
+    draw_approach,
+    draw_pass,
+)
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 NAMES = ("rso_lidar/PointAndTrack-v0", "rso_lidar/Approach-v0")
@@ -244,6 +250,36 @@ def test_vector_environments_name_their_autoreset_mode():
         envs.step(envs.action_space.sample())
     finally:
         envs.close()
+
+
+def test_environments_that_share_a_process_have_the_bits_of_each_alone(passage):
+    """Three steps of two environments, of which one is lost and begins again: NEXT_STEP is Gymnasium's word for that."""
+    envs = LidarVectorEnvironment(PointAndTrack, 2, threads=2, scenario=passage, lost_after_s=0.1, action="angle")
+    alone = [PointAndTrack(passage, lost_after_s=0.1, action="angle") for _ in range(2)]
+    away = np.array([[0.0, 0.0], [0.25, 0.0]], dtype=np.float32)  # the first looks away, and has lost the stage
+    observations, _ = envs.reset(seed=[3, 4])
+    expected = [env.reset(seed=seed)[0] for env, seed in zip(alone, (3, 4), strict=True)]
+    ended = [False, False]
+    for _ in range(3):
+        for name in ("range_m", "valid", "pan_tilt_rad"):
+            np.testing.assert_array_equal(observations[name], np.stack([one[name] for one in expected]))
+        observations, rewards, terminated, truncated, infos = envs.step(away)
+        rows = []
+        for env, action, is_over in zip(alone, away, ended, strict=True):
+            rows.append((*env.reset(), 0.0, False, False) if is_over else env.step(action))
+        expected = [row[0] for row in rows]
+        kept = [(row[2], row[3], row[4]) if is_over else row[1:4] for row, is_over in zip(rows, ended, strict=True)]
+        assert list(zip(rewards.tolist(), terminated.tolist(), truncated.tolist(), strict=True)) == kept
+        assert infos["time_s"].tolist() == [env.simulation.time_s for env in alone]
+        ended = [bool(row[1]) for row in kept]
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert envs.envs[0].scenario is envs.envs[1].scenario
+    envs.close()
+    with pytest.raises(ScenarioError, match="num_envs: 0 is no number of num_envs; give a whole number from 1"):
+        LidarVectorEnvironment(PointAndTrack, 0)
+    envs = gymnasium.make_vec(NAMES[0], num_envs=2, scenario=passage, threads=1)
+    assert isinstance(envs, LidarVectorEnvironment) and envs.num_envs == 2
+    envs.close()
 
 
 def test_observations_can_be_flattened_and_scaled():
