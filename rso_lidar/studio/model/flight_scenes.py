@@ -48,9 +48,13 @@ def draw_orbit(flight: PreviewFlight, row: int) -> SpaceScene:
         entries.append((colour, name))
         farthest = max(farthest, float(np.linalg.norm(orbit, axis=1).max()))
     scene.label("N", (0.0, 0.0, 1.12 * radius))
-    # From the follower's side, above the equator and towards the Sun, so that day, night and the follower are seen.
-    here, sun = truth.states["follower"].position_m, np.nan_to_num(truth.sun_direction)
-    scene.look(max(3.5 * farthest, 4.6 * radius) * _unit(_unit(here) + 0.5 * sun + np.array([0.0, 0.0, 0.6])))
+    # From the follower's side, above the equator and across the Sun's light, so that day, night and the follower are seen.
+    here, across = (
+        _unit(truth.states["follower"].position_m),
+        np.cross([0.0, 0.0, 1.0], np.nan_to_num(truth.sun_direction)),
+    )
+    across *= np.copysign(1.0, across @ here)
+    scene.look(max(3.5 * farthest, 4.6 * radius) * _unit(0.7 * here + across + np.array([0.0, 0.0, 0.6])))
     scene.header["legend"] = {"title": "Orbits, graticule 30°", "entries": entries}
     return scene
 
