@@ -80,7 +80,8 @@ class ImageSensor(Part):
         if self.read_noise_electrons > 0.0:
             collected = collected + self.read_noise_electrons * rng.standard_normal(electrons.shape)
         counts = np.rint(collected / self.gain_electrons + self.black_level_counts)
-        return np.clip(counts, 0, self.greatest_count).astype(np.uint16)
+        clipped: np.ndarray = np.clip(counts, 0, self.greatest_count).astype(np.uint16)
+        return clipped
 
 
 @lru_cache(maxsize=8)

@@ -57,7 +57,7 @@ def soften_shadows(
     def soften(k: int, some: np.ndarray) -> None:
         on = near[some]
         points = localize_points(surfaces, k, truth, direction[on], facet[on], hits.range_m[on])
-        sunlight[on] = compute_sunlight(points, lambda *disc: _find_visible_share(*disc, on))
+        sunlight[on] = compute_sunlight(points, lambda local, up, disc: _find_visible_share(local, up, disc, on))
 
     run_in_threads(threads, lambda piece: soften(*piece), split_by_surface(number[near], len(surfaces), BAND_RAYS))
     return replace(hits, sunlight_per_sr=sunlight)
