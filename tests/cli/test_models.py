@@ -74,9 +74,10 @@ def test_materials_are_listed_with_what_they_send_back(rso_lidar):
     status, out, err = rso_lidar("models", "materials")
     assert (status, err) == (0, [])
     lines = {line.split()[0]: line for line in out.splitlines() if line.strip()}
-    assert lines["mli_gold"].split()[1:4] == ["phong", "0.8", "0.87"]
-    assert lines["mli_gold_crinkled"].split()[1:4] == ["crinkled", "0.8", "0.87"]
-    assert lines["cube_corner"].split()[2] == "0.56"  # 0.85 x 0.6 + 0.05
+    assert lines["mli_gold"].split()[1:8] == ["phong", "0.0514", "0.22", "0.529", "0.623", "0.8", "0.87"]
+    assert lines["mli_gold_crinkled"].split()[1] == "crinkled"
+    assert lines["mli_gold_crinkled"].split()[5:8] == ["0.623", "0.8", "0.87"]
+    assert lines["cube_corner"].split()[6] == "0.56"  # 0.85 x 0.6 + 0.05
     assert "crinkled" not in lines["mli_gold"].removeprefix("mli_gold ")
 
 
