@@ -41,8 +41,8 @@ def save(
     """Write frames to a file or folder as they arrive, and return its path.
 
     The suffix selects the format. .h5 and .nc are recordings that `open` reads and that hold everything in the frames;
-    docs/exports.md lists the contents of the others. .zarr, .pcd, .ply, .bop, .png and .rosbag2 name folders. The file appears
-    under its name when it is complete. `rso-lidar export` has the same suffixes.
+    docs/exports.md lists the contents of the others. .zarr, .pcd, .ply, .bop, .png and .rosbag2 name folders. The file
+    appears under its name when it is complete. `rso-lidar export` has the same suffixes.
 
     Parameters
     ----------
