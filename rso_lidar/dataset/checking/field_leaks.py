@@ -172,7 +172,6 @@ def _is_beyond_chance(
     ----------
     predicted, true : (sample, component), the first with mean zero
     ends : (split) number of samples of each split and of all before it, within which truths are exchanged
-    level : probability of a false alarm
     """
     agreement = predicted @ true.T  # (sample, exchanged sample)
     own, sample, left = float(np.trace(agreement)), np.arange(len(true)), int(np.ceil(1.0 / level))

@@ -111,7 +111,6 @@ def _fill_splits(
     Parameters
     ----------
     number : (sample) numbers in the class
-    block : samples that are divided together
     share : (sample) random number of the sample's block, from 0 to below 1
     val, test : shares, from 0 to 1
     splits : (sample), written
