@@ -47,11 +47,6 @@ def write_contest(data: Dataset, path: Path, attribution: Attribution, *, overwr
     Training and validation shards are copied. Frames of the test are numbered and ordered by the key, and hold the reading,
     the number of the sensor and the lens only. The same dataset and key give the same folder.
 
-    Parameters
-    ----------
-    path : of the folder to give away
-    overwrite : whether an earlier one may be replaced
-
     Returns
     -------
     list of str
