@@ -32,7 +32,7 @@ SCENARIO_FIGURES: dict[str, Callable[[Scenario], Any]] = {
 
 
 @dataclass(frozen=True)
-class TimeAxis:
+class CursorAxis:
     """The time axis that the panels of a figure share: its ends in the image [pixels] and in time [s]."""
 
     left: float
@@ -53,7 +53,7 @@ class TimeAxis:
         return self.begins_s + (self.ends_s - self.begins_s) * (x - self.left) / (self.right - self.left)
 
 
-def draw_figure(name: str, scenario: Scenario, scheme: Scheme) -> tuple[bytes, TimeAxis | None]:
+def draw_figure(name: str, scenario: Scenario, scheme: Scheme) -> tuple[bytes, CursorAxis | None]:
     """Draw a figure of a scenario as PNG, and return it with its time axis if it has one.
 
     Parameters
@@ -68,11 +68,11 @@ def draw_figure(name: str, scenario: Scenario, scheme: Scheme) -> tuple[bytes, T
         return held.getvalue(), _measure_time_axis(figure) if name == "timeline" else None
 
 
-def _measure_time_axis(figure: Any) -> TimeAxis:
+def _measure_time_axis(figure: Any) -> CursorAxis:
     """Measure the time axis of a figure that has been saved."""
     scale = figures.PAGE_DPI / figure.dpi
     height = figure.bbox.height * scale
     boxes = [axes.get_position() for axes in figure.axes]
     width = figure.bbox.width * scale
     top, bottom = (1.0 - max(box.y1 for box in boxes)) * height, (1.0 - min(box.y0 for box in boxes)) * height
-    return TimeAxis(boxes[0].x0 * width, boxes[0].x1 * width, top, bottom, *figure.axes[0].get_xlim())
+    return CursorAxis(boxes[0].x0 * width, boxes[0].x1 * width, top, bottom, *figure.axes[0].get_xlim())

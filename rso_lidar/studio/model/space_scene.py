@@ -120,7 +120,7 @@ class SpaceScene:
             grey = np.clip(255.0 * (1.0 - 0.1 * np.maximum(magnitudes[chosen], 0.0)), 0, 255).astype(np.uint8)
             self.add("sky", directions[chosen] @ from_inertial.T, np.repeat(grey[:, None], 3, axis=1), size=size)
         toward = from_inertial @ sun
-        self.add("sky", [toward], "#fff2c4", size=22)
+        self.add("sky", [toward], palette.PARTS[8], size=22)
         self.label("Sun", toward, is_sky=True)
         self.header["sun"], self.header["sunlit"] = toward.tolist(), float(sunlit)
 

@@ -22,7 +22,7 @@ from rso_lidar.records import Frame
 from rso_lidar.studio.model.flight import PreviewFlight
 from rso_lidar.studio.model.flight_scenes import VIEWS, mark_sight
 from rso_lidar.studio.model.frame_image import draw_image, find_pixel, outline_pixel
-from rso_lidar.studio.model.scenario_figures import SCENARIO_FIGURES, TimeAxis, draw_figure
+from rso_lidar.studio.model.scenario_figures import SCENARIO_FIGURES, CursorAxis, draw_figure
 from rso_lidar.studio.model.space_scene import draw_cloud
 from rso_lidar.studio.model.text_assessment import describe
 from rso_lidar.studio.model.waveform_chart import make_waveform_chart
@@ -71,7 +71,7 @@ class SeePage:
         self.scheme, self.pixel = LIGHT, (-1, -1)  # no pixel is chosen yet
         self.drawn: dict[str, Scheme] = {}  # figures that are up to date, with their colours
         self.frame_of: Any = None  # flight, row and intermediate products of the frame
-        self.axis: TimeAxis | None = None  # of the timeline
+        self.axis: CursorAxis | None = None  # of the timeline
         self.version, self.busy, self.again, self.whole, self.of = 0, False, False, False, tab.document
         frame, *pixel = (int(n) if n.isdecimal() and len(n) < 7 else -1 for n in self._recall_numbers())
         self.opens_at = max(frame, 0)  # row that is shown first
