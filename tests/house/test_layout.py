@@ -52,6 +52,7 @@ SPANNING = {
     "mission_analysis/passes/test_screening_sets.py",
     "study/trades/test_worked_studies.py",
     "test_bridge_basilisk.py",
+    "test_bridge_bsk_rl.py",
     "test_bridge_cfs.py",
     "test_bridge_ros2.py",
     "test_examples.py",

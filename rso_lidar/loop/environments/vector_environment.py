@@ -91,6 +91,11 @@ class LidarVectorEnvironment(SyncVectorEnv):
         return observation, float(reward), terminated, truncated, info
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the threads and close the environments."""
+        """End the threads and close the environments.
+
+        Parameters
+        ----------
+        **kwargs : as for `SyncVectorEnv.close_extras`
+        """
         self._pool.shutdown()
         super().close_extras(**kwargs)

@@ -93,7 +93,16 @@ class FmuDynamics(FmuModel, CommandedModel):
         return _find_history(self.model_dump_json(), type(self), (status.st_mtime_ns, status.st_size))
 
     def advise(self, end_s: float) -> list[str]:
-        """List a line if the integration of the FMU is probably wrong by more than is noticed, or cannot be judged."""
+        """List a line if the integration of the FMU is probably wrong by more than is noticed, or cannot be judged.
+
+        Parameters
+        ----------
+        end_s : end of the run [s]
+
+        Returns
+        -------
+        one line, or none
+        """
         flown = self.fly_open_loop()
         try:
             steps = self.compare_steps(end_s)
