@@ -36,8 +36,9 @@ BROAD, BROADEST = 5, 20  # imports from which an arrow is broader
 SLAB_TOP = "records"  # the highest floor of the slab
 COLUMNS = {  # where each room stands on its floor, so that few arrows cross
     "cli": 3.5, "studio": 4.6, "loop": 2.4, "dataset": 4.6, "study": 6.0, "evaluation": 6.0, "mission_analysis": 5.2,
-    "simulation": 2.0, "scenario": 2.0, "track": 0.3, "imaging": 3.0, "sampling": 1.7, "sensors": 0.3,
-    "motion": 0.0, "optics": 1.0, "scene": 2.0, "detector": 3.0, "shapes": 4.0, "export": 5.0, "picture": 6.0, "rpo": 0.0, "fmi": 1.2, "orbit": 0.0,
+    "simulation": 2.0, "scenario": 2.0, "track": 0.3, "imaging": 3.0, "sampling": 1.7, "sensors": 0.3, "motion": 0.0,
+    "optics": 1.0, "scene": 2.0, "detector": 3.0, "shapes": 4.0, "export": 5.0, "picture": 6.0, "rpo": 0.0, "fmi": 1.2,
+    "orbit": 0.0,
 }  # fmt: skip
 WIDTH_IN, ROW_IN, BOX_IN = 13.6, 1.16, 0.76  # of the picture, from floor to floor, and height of a box
 PITCH_IN = (WIDTH_IN - 0.4) / 7.0  # from column to column

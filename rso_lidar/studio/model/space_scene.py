@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import struct
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rso_lidar.imaging import load_stars
 from rso_lidar.picture import (
     LIGHT,
     Scale,
@@ -21,7 +20,6 @@ from rso_lidar.picture import (
     palette,
 )
 from rso_lidar.records import Frame
-from rso_lidar.units import DEG
 
 
 class SpaceScene:
@@ -113,8 +111,9 @@ class SpaceScene:
         """
         if not np.isfinite(sun).all():
             return
-        directions, magnitudes = _read_stars()
-        for brightest, faintest, size in ((-2.0, 1.5, 7), (1.5, 3.0, 5), (3.0, 5.0, 3.5)):
+        stars = load_stars()
+        directions, magnitudes = stars.direction, stars.magnitude
+        for brightest, faintest, size in ((-2.0, 1.5, 7), (1.5, 3.0, 5), (3.0, 4.5, 3.5)):
             chosen = (magnitudes >= brightest) & (magnitudes < faintest)
             # The eye's response is near logarithmic: a tenth of full brightness for each magnitude.
             grey = np.clip(255.0 * (1.0 - 0.1 * np.maximum(magnitudes[chosen], 0.0)), 0, 255).astype(np.uint8)
@@ -135,15 +134,6 @@ class SpaceScene:
         header = json.dumps(self.header).encode()
         header += b" " * (-len(header) % 4)
         return struct.pack("<I", len(header)) + header + b"".join(self._buffers)
-
-
-@cache
-def _read_stars() -> tuple[np.ndarray, np.ndarray]:
-    """Return unit vectors (star, xyz) in inertial axes to the bright stars, and their magnitudes."""
-    table = np.loadtxt(Path(__file__).parent / "bright_stars.csv", delimiter=",", skiprows=2)
-    ascension, declination = table[:, 0] * DEG, table[:, 1] * DEG
-    flat = np.cos(declination)
-    return np.stack([flat * np.cos(ascension), flat * np.sin(ascension), np.sin(declination)], axis=1), table[:, 2]
 
 
 def draw_cloud(
