@@ -34,8 +34,8 @@ def dispatched() -> list[str]:
 
 # Folders of tests that compare numbers. Those of rooms that compute them are repeated; `tolerances` examines all.
 REPEATED = (
-    "shapes", "models", "golden", "property", "orbit", "rpo", "motion", "track", "optics", "scene", "detector", "sensors",
-    "simulation", "records",
+    "shapes", "models", "golden", "property", "orbit", "rpo", "motion", "track", "optics", "scene", "imaging", "detector",
+    "sensors", "simulation", "records",
 )  # fmt: skip
 LEFT_OUT = {
     "physics": "compares with closed forms and published values, far coarser than rounding",

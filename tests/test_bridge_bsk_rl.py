@@ -11,7 +11,7 @@ FILE = Path(__file__).resolve().parents[1] / "examples" / "bridges" / "bsk_rl" /
 
 
 def test_the_example_compiles():
-    compile(FILE.read_text(encoding="utf-8"), FILE.name, "exec")
+    assert compile(FILE.read_text(encoding="utf-8"), FILE.name, "exec").co_names
 
 
 @pytest.mark.slow

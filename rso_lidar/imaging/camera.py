@@ -42,7 +42,12 @@ class Band(Part):
         return self.wavelength_nm * units.NM
 
     def contains(self, wavelength_nm: float) -> bool:
-        """Return whether light of a wavelength [nm] is within the band."""
+        """Return whether light is within the band.
+
+        Parameters
+        ----------
+        wavelength_nm : of the light [nm]
+        """
         return abs(wavelength_nm - self.wavelength_nm) <= 0.5 * self.width_nm
 
 
@@ -89,7 +94,7 @@ class AutoExposure(Part):
         default=0.8, gt=0, description="Share of the full well that the brightest pixels reach. Default: a choice."
     )
     brighter_pixels: Count = Field(
-        default=16, description="Number of pixels that may be brighter, such as glints. Default: a choice."
+        default=16, description="How many pixels may be brighter, such as glints [pixels]. Default: a choice."
     )
     min_ms: Positive = Field(default=0.05, description="Shortest exposure [ms]. Default: a choice.")
     max_ms: Positive = Field(default=100.0, description="Longest exposure [ms]. Default: a choice.")

@@ -53,7 +53,7 @@ class Flash:
     surfaces: Sequence[Surface]
 
 
-class _Light(NamedTuple):
+class _SceneLight(NamedTuple):
     """Light on the pixels at one instant, over the Sun's irradiance (row, col, band) [m²], and the hits of the rays."""
 
     image_m2: np.ndarray
@@ -90,7 +90,7 @@ def take_image(
     view = truth.view_from(camera.name)
     start_s, exposure_s = camera.start_ms * units.MS, camera.exposure_ms * units.MS
     per_m2_s = np.array([_sun_electrons_per_m2_s(band) for band in camera.bands])
-    light: _Light | None = None
+    light: _SceneLight | None = None
     if camera.auto_exposure is not None:
         light = _gather_light(camera, view.extrapolate(start_s), surfaces, natural, threads)
         exposure_s = _choose_exposure_s(camera, camera.auto_exposure, light.image_m2 * per_m2_s)
@@ -105,7 +105,7 @@ def take_image(
         electrons = electrons + _gather_flash(camera, truth, view, flash, light.hits, start_s, exposure_s, threads)
     response, dark = draw_pattern(camera.sensor, camera.shape, pattern_seed)
     expected = electrons * response + camera.sensor.dark_electrons_per_s * exposure_s * dark
-    image = CameraImage(counts=camera.sensor.read(expected, rng), exposure_s=np.asarray(exposure_s))
+    image = CameraImage(intensity_counts=camera.sensor.read(expected, rng), exposure_s=np.asarray(exposure_s))
     return image, _label(light.hits, electrons)
 
 
@@ -119,7 +119,7 @@ def _expose(
     window_s: float,
     exposure_s: float,
     instants: int,
-) -> tuple[_Light, np.ndarray]:
+) -> tuple[_SceneLight, np.ndarray]:
     """Average the light over the exposure of each row.
 
     Parameters
@@ -133,7 +133,7 @@ def _expose(
     """
     share = _share_instants(camera, window_s, exposure_s, instants)
     total = np.zeros(camera.shape)
-    middle: _Light | None = None
+    middle: _SceneLight | None = None
     for k in range(instants):
         at_s = start_s + (k + 0.5) * window_s / instants
         light = _gather_light(camera, view.extrapolate(at_s), surfaces, natural, threads)
@@ -173,7 +173,7 @@ def _gather_light(
     surfaces: Sequence[Sequence[Surface]],
     natural: NaturalLight,
     threads: int | None,
-) -> _Light:
+) -> _SceneLight:
     """Gather the light of targets and sky at one instant."""
     lens, image = camera.lens, np.empty(camera.shape)
     first = _cast(lens, surfaces[0], view, threads)
@@ -202,7 +202,7 @@ def _gather_light(
         if lens.glare is not None:
             plane = plane + _image_veil(camera, view, of_band, natural)
         image[..., number] = plane
-    return _Light(image, first)
+    return _SceneLight(image, first)
 
 
 def _cast(lens: CameraLens, surfaces: Sequence[Surface], view: Truth, threads: int | None) -> Hits:

@@ -23,10 +23,10 @@ class ImageSensor(Part):
 
     full_well_electrons: Positive = Field(
         default=10_000.0,
-        description="Electrons at which a pixel is full. Default: assumed, of a global-shutter CMOS pixel of 5.5 µm.",
+        description="Charge at which a pixel is full [electrons]. Default: assumed, of a global-shutter pixel of 5.5 µm.",
     )
     read_noise_electrons: NotNegative = Field(
-        default=8.0, description="Noise in the dark at a very short exposure, 1 sigma. Default: assumed."
+        default=8.0, description="Noise in the dark at a very short exposure, 1 sigma [electrons]. Default: assumed."
     )
     dark_electrons_per_s: NotNegative = Field(
         default=50.0, description="Dark current of a pixel [1/s]. Default: assumed, near 25 °C."
@@ -36,7 +36,9 @@ class ImageSensor(Part):
         description="Electrons of one count, the inverse of the gain. If omitted, a full well is the greatest count.",
     )
     bits: Annotated[Count, Field(le=16)] = Field(default=12, description="Bits of the converter. Default: assumed.")
-    black_level_counts: Whole = Field(default=64, ge=0, description="Counts of a dark pixel. Default: assumed.")
+    black_level_counts: Whole = Field(
+        default=64, ge=0, description="Output of a dark pixel [counts]. Default: assumed."
+    )
     response_nonuniformity_fraction: Fraction = Field(
         default=0.01, description="Sensitivity from pixel to pixel, 1 sigma over the mean (PRNU). Default: assumed."
     )

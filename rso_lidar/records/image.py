@@ -13,7 +13,7 @@ from rso_lidar.records.schema import Record, array
 class CameraImage(Record):
     """Image of one camera, taken about a laser flash: what the spacecraft could know of it."""
 
-    counts: np.ndarray = array("row col band", "u2", "count", "output of the sensor, black level included")
+    intensity_counts: np.ndarray = array("row col band", "u2", "count", "output of the sensor, black level included")
     exposure_s: np.ndarray = array("", "f8", "s", "time for which each row was exposed")
 
 

@@ -11,7 +11,8 @@ from rso_lidar.scenario import Scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 UNITS = {  # how a name ends, and what its description says in brackets
-    "m": "m", "km": "km", "mm": "mm", "um": "µm", "nm": "nm", "s": "s", "ns": "ns", "deg": "deg", "rad": "rad",
+    "m": "m", "km": "km", "mm": "mm", "um": "µm", "nm": "nm", "s": "s", "ms": "ms", "us": "µs", "ns": "ns",
+    "deg": "deg", "rad": "rad",
     "j": "J", "mj": "mJ", "m_s": "m/s", "m_s2": "m/s²", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "mhz": "MHz",
     "kg": "kg", "kg_m2": "kg m²", "m2": "m²", "n": "N", "per_s": "1/s", "per_sr": "1/sr", "per_v": "1/V", "na": "nA",
     "nf": "nF", "ohm": "Ω", "counts": "counts", "photons": "photons", "electrons": "electrons", "rev_day": "rev/day",
@@ -34,6 +35,7 @@ NO_SUFFIX = {  # name: why it needs none
     "speed_ratio": "of two speeds",
     "tolerance": "in the unit of its quantity",
     "wall_temperature_ratio": "of two temperatures",
+    "bits": "a number of bits",
     "intensity_bits": "a number of bits",
     "no_return_word": "a word, in steps of the quantum",
     "range_bits": "a number of bits",

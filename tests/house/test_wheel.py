@@ -66,7 +66,7 @@ def test_wheel_holds_the_package_and_its_data_and_nothing_else(wheel):
     sources = {file.relative_to(ROOT).as_posix() for file in (ROOT / "rso_lidar").rglob("*.py")}
     data = {
         f"rso_lidar/{file.relative_to(ROOT).as_posix()}"
-        for folder in ("tle", "models", "gravity", "examples")
+        for folder in ("tle", "models", "gravity", "stars", "examples")
         for file in (ROOT / folder).rglob("*")
         if file.is_file() and "__pycache__" not in file.parts and file.suffix != ".png"  # pictures of pages
         if ROOT / "models" / "build" not in file.parents  # what writes the models

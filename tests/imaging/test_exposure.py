@@ -30,7 +30,7 @@ def look(camera=CAMERA, *settings, bench=BENCH, frames=(0,), **chosen):
 
 
 def image_of(frame, name="nav"):
-    return frame.camera[name].counts.astype(float), frame.camera_labels[name]
+    return frame.camera[name].intensity_counts.astype(float), frame.camera_labels[name]
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_labels_say_where_the_target_is_and_how_far(sunlit):
 
 def test_an_image_does_not_depend_on_threads(sunlit):
     again = look(threads=1)[0]
-    np.testing.assert_array_equal(again.camera["nav"].counts, sunlit.camera["nav"].counts)
+    np.testing.assert_array_equal(again.camera["nav"].intensity_counts, sunlit.camera["nav"].intensity_counts)
 
 
 def test_noise_differs_from_frame_to_frame_and_the_pattern_of_pixels_does_not():
@@ -156,7 +156,7 @@ def test_a_recording_holds_images_and_labels(tmp_path, sunlit):
     rl.save(tmp_path / "run.h5", [sunlit])
     with rl.open(tmp_path / "run.h5") as recording:
         frame = recording[0]
-        np.testing.assert_array_equal(frame.camera["nav"].counts, sunlit.camera["nav"].counts)
+        np.testing.assert_array_equal(frame.camera["nav"].intensity_counts, sunlit.camera["nav"].intensity_counts)
         np.testing.assert_array_equal(frame.camera_labels["nav"].part, sunlit.camera_labels["nav"].part)
         np.testing.assert_array_equal(recording.camera["nav"].range_m[0], sunlit.camera_labels["nav"].range_m)
         assert rl.Scenario.loads(recording.source.scenario).camera[0].name == "nav"

@@ -90,10 +90,10 @@ def _check_secrecy(data: Dataset) -> None:
         raise DatasetError(
             f"{data.folder}: has no labels of '{CONTEST_SPLIT}' that could be hidden; take a dataset with them"
         )
-    made = sum(record.samples for record in data.records)
-    if made != spec.n_samples:
+    n_made = sum(record.samples for record in data.records)
+    if n_made != spec.n_samples:
         raise DatasetError(
-            f"{data.folder}: {made:,} of {spec.n_samples:,} samples are made; make with --resume before a contest"
+            f"{data.folder}: {n_made:,} of {spec.n_samples:,} samples are made; make with --resume before a contest"
         )
     if spec.seed < _LEAST_SEED:
         fresh = _LEAST_SEED + secrets.randbelow(_MOST_SEED - _LEAST_SEED)

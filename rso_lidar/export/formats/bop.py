@@ -124,7 +124,7 @@ def _write_companion(place: Path, scene: Path, frame: Frame, camera: CompanionCa
     image, labels = frame.camera[camera.name], frame.camera_labels[camera.name]
     kind = _get_kind(camera)
     file = scene / f"{kind}_{camera.name}" / f"{get_file_stem(place, frame)}.png"
-    write_new_file(place, file, encode_png(image.counts if kind == "rgb" else image.counts[..., 0]))
+    write_new_file(place, file, encode_png(image.intensity_counts if kind == "rgb" else image.intensity_counts[..., 0]))
     seen = compute_camera_poses(frame, camera.name)
     no_depth = np.zeros(labels.target.shape, dtype=bool)
     poses, infos = _describe_objects(place, scene, frame, f"_{camera.name}", seen, labels.target, no_depth)

@@ -72,7 +72,7 @@ def read_cameras(place: Path, first: Frame) -> dict[str, CompanionCamera]:
     described = {table["name"]: table for table in tables}
     cameras = {}
     for name, image in first.camera.items():
-        shape = image.counts.shape
+        shape = image.intensity_counts.shape
         try:
             cameras[name] = _read_camera(place, described[name], shape)
         except (KeyError, TypeError, ValueError) as error:
@@ -85,7 +85,7 @@ def read_cameras(place: Path, first: Frame) -> dict[str, CompanionCamera]:
 
 def check_images(place: Path, frame: Frame, cameras: dict[str, CompanionCamera]) -> None:
     """Raise a `RecordingError` unless a frame has the images of the first frame's cameras."""
-    if {name: image.counts.shape for name, image in frame.camera.items()} != {
+    if {name: image.intensity_counts.shape for name, image in frame.camera.items()} != {
         c.name: c.shape for c in cameras.values()
     }:
         raise RecordingError(

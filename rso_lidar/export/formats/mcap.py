@@ -83,7 +83,9 @@ class RosStream:
             yield topic, message, at_ns
         check_images(self._place, frame, self._cameras)
         for camera in self._cameras.values():
-            for topic, message in _make_camera_messages(camera, frame.camera[camera.name].counts, at_ns).items():
+            for topic, message in _make_camera_messages(
+                camera, frame.camera[camera.name].intensity_counts, at_ns
+            ).items():
                 yield topic, message, at_ns
 
     def describe_cameras(self) -> list[dict[str, Any]]:

@@ -53,7 +53,7 @@ def write_png(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
             check_images(place, frame, cameras)
             for name, camera in cameras.items():
                 files = []
-                for suffix, image in _split_bands(camera, frame.camera[name].counts):
+                for suffix, image in _split_bands(camera, frame.camera[name].intensity_counts):
                     files.append(f"{get_file_stem(place, frame)}{suffix}.png")
                     write_new_file(place, draft / name / files[-1], encode_png(image))
                 lines[name].write(json.dumps({"files": files, **_describe_image(frame, name)}) + "\n")

@@ -13,7 +13,7 @@ import numpy as np
 from rso_lidar.records import ArraySpec, CameraImage, CameraLabels, Frame, Record, specs
 
 GROUP = "camera"
-_IMAGE = {"counts": "counts", "exposure": "exposure_s"}  # name in the file, and in the record
+_IMAGE = {"intensity": "intensity_counts", "exposure": "exposure_s"}  # name in the file, and in the record
 _LABELS = {
     "electrons": "electrons",
     "target": "target",
@@ -49,7 +49,7 @@ def collect_arrays(frame: Frame) -> dict[str, np.ndarray]:
 
 def list_cameras(paths: Iterable[str]) -> list[str]:
     """Return the names of the cameras of which there are images among the paths of a recording."""
-    return [path.split("/")[1] for path in paths if path.startswith(f"{GROUP}/") and path.endswith("/counts")]
+    return [path.split("/")[1] for path in paths if path.startswith(f"{GROUP}/") and path.endswith("/intensity")]
 
 
 def name_arrays(camera: str) -> dict[str, str]:

@@ -154,7 +154,7 @@ class Recording(RecordingFile, Sequence[Frame]):
 
     @property
     def camera(self) -> dict[str, SimpleNamespace]:
-        """Images and labels of each camera beside the lidar, by name: ``recording.camera["nav"].counts[10:20]``."""
+        """Images and labels of each camera beside the lidar, by name: ``camera["nav"].intensity_counts[10:20]``."""
         return {name: self._named(camera_images.name_arrays(name)) for name in self.cameras}
 
     @property

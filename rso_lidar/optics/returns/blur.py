@@ -134,6 +134,8 @@ def blur_steady_light(
     pixel, rate_per_s : (source) pixel, and photons per second
     place : (source) where in its pixel each source is, from the upper edge and from the left one [pixels]
     side : sub-cells along each side of a pixel
+    receiver : the lens with its point spread function, and the focal plane
+    wavelength_m : of the light [m]
 
     Returns
     -------

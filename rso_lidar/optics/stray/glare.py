@@ -138,6 +138,8 @@ def veil(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None) -> np.n
 
     Parameters
     ----------
+    sky : the bodies, from `see_sky`
+    receiver : the lens with its glare
     hidden : (element) elements that targets hide from the lens; None for none
     """
     glare = receiver.glare

@@ -447,6 +447,10 @@ class Mission(Part):
         Parameters
         ----------
         time_s : time [s since start_utc]
+
+        Returns
+        -------
+        NaturalLight
         """
         return NaturalLight(self.world.earth_albedo, self._find_moon_m(time_s), has_earth=not self.is_local)
 

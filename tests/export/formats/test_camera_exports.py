@@ -115,16 +115,16 @@ def test_png_holds_the_counts_and_what_turns_them_into_light_and_directions(flow
     assert sorted(entry.name for entry in folder.iterdir()) == ["far-eye", "nav", "pair", "source.json"]
     for frame in frames:
         name = f"{frame.index:06d}"
-        counts = frame.camera["nav"].counts
+        counts = frame.camera["nav"].intensity_counts
         assert counts.max() > 1000 and (counts[0, 0] != counts.max()).all()  # the plate is lit, and the sky is not
         np.testing.assert_array_equal(read_rgb16(folder / f"nav/{name}.png"), counts)
         np.testing.assert_array_equal(read_image(folder / f"nav/{name}.png"), counts >> 8)
         np.testing.assert_array_equal(
-            read_image(folder / f"far-eye/{name}.png"), frame.camera["far-eye"].counts[..., 0]
+            read_image(folder / f"far-eye/{name}.png"), frame.camera["far-eye"].intensity_counts[..., 0]
         )
         for k, band in enumerate("ab"):
             image = read_image(folder / f"pair/{name}_{band}.png")
-            np.testing.assert_array_equal(image, frame.camera["pair"].counts[..., k])
+            np.testing.assert_array_equal(image, frame.camera["pair"].intensity_counts[..., k])
     for camera in scenario.camera:
         described = json.loads((folder / camera.name / "camera.json").read_text())
         col, row = project(camera.lens.line_of_sight, described)  # of the centre of each pixel
@@ -187,7 +187,7 @@ def test_ros_messages_hold_images_intrinsics_and_axes_of_each_camera(flown, tmp_
                 2 * camera.lens.n_cols * camera.shape[2],
             )
             counts = np.frombuffer(image.data.tobytes(), "<u2").reshape(camera.shape)
-            np.testing.assert_array_equal(counts, frame.camera[camera.name].counts)
+            np.testing.assert_array_equal(counts, frame.camera[camera.name].intensity_counts)
             focal = camera.lens.focal_length_m / camera.lens.pixel_pitch_m
             centre = 0.5 * (camera.lens.n_cols - 1), 0.5 * (camera.lens.n_rows - 1)
             np.testing.assert_allclose(info.k, [focal, 0, centre[0], 0, focal, centre[1], 0, 0, 1], rtol=1e-14)
@@ -214,9 +214,9 @@ def test_bop_has_images_masks_and_poses_of_each_camera(flown, tmp_path):
         for name in ("scene_camera", "scene_gt", "scene_gt_info")
         for camera in scenario.camera
     }
-    np.testing.assert_array_equal(read_rgb16(scene / "rgb_nav/000003.png"), frames[1].camera["nav"].counts)
+    np.testing.assert_array_equal(read_rgb16(scene / "rgb_nav/000003.png"), frames[1].camera["nav"].intensity_counts)
     grey = read_image(scene / "gray_far-eye/000003.png")
-    np.testing.assert_array_equal(grey, frames[1].camera["far-eye"].counts[..., 0])
+    np.testing.assert_array_equal(grey, frames[1].camera["far-eye"].intensity_counts[..., 0])
     mask = read_image(scene / "mask_visib_far-eye/000003_000000.png")
     np.testing.assert_array_equal(mask == 255, frames[1].camera_labels["far-eye"].target == 0)
     # The centre of the plate, which faces the camera, is projected to the middle of its mask by matrix and pose alone.
