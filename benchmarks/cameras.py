@@ -1,6 +1,7 @@
 """A camera beside the lidar: frames of both sensors beside frames of the lidar alone."""
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import rso_lidar as rl
@@ -28,8 +29,8 @@ CASES = (
 
 def load(camera: str = "") -> rl.Scenario:
     """Return the approach with a camera, or with the lidar alone."""
-    lidar = rl.Scenario.load(SCENARIO, (f"time.start_utc={START_UTC}",))
-    return rl.Scenario.loads(lidar.dumps() + camera) if camera else lidar
+    text = Path(SCENARIO).read_text(encoding="utf-8")
+    return rl.Scenario.loads(text + camera, settings=(f"time.start_utc={START_UTC}",))
 
 
 def flash(scenario: rl.Scenario, threads: int) -> Any:

@@ -67,8 +67,8 @@ SPANNING = {
 # What stands at the top of the repository. A further entry needs a reason: a tool or a reader looks for it there.
 TOP = {
     ".ci", ".github", "LICENSES", "benchmarks", "conda", "docs", "examples", "gravity", "models", "paper", "rso_lidar",
-    "stars", "tests", "tle", ".dockerignore", ".gitignore", ".zenodo.json", "ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff",
-    "CODE_OF_CONDUCT.md", "CONTRIBUTING.md", "Dockerfile", "LICENSE", "Makefile", "README.md", "REUSE.toml",
+    "stars", "tests", "tle", ".dockerignore", ".gitignore", ".zenodo.json", "ARCHITECTURE.md", "CHANGELOG.md",
+    "CITATION.cff", "CODE_OF_CONDUCT.md", "CONTRIBUTING.md", "Dockerfile", "LICENSE", "Makefile", "README.md", "REUSE.toml",
     "SECURITY.md", "constraints.txt", "hatch_build.py", "noxfile.py", "pyproject.toml",
 }  # fmt: skip
 
