@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -280,12 +280,13 @@ def _gather_flash(
     lit = scene.cast(
         hits.rays, flash.surfaces, view, threads, laser_from_m=laser_from_m, aperture_m=camera.lens.aperture_m
     )
-    photons = optics.image_flash(lit, flash.laser, lidar_from_camera, camera.lens) * flash.pulses
-    delay_s = 2.0 * float(np.median(lit.range_m)) / units.SPEED_OF_LIGHT_M_S if len(lit.ray) else 0.0
-    begin_s = start_s + np.arange(camera.lens.n_rows) * (camera.row_delay_us * units.US)
+    delay_s = 2.0 * lit.range_m / units.SPEED_OF_LIGHT_M_S
+    begin_s = start_s + (lit.pixel // camera.lens.n_cols) * (camera.row_delay_us * units.US)
     is_exposed = (begin_s <= delay_s) & (delay_s < begin_s + exposure_s)
+    seen = replace(lit, brdf_per_sr=np.where(is_exposed, lit.brdf_per_sr, 0.0))
+    photons = optics.image_flash(seen, flash.laser, lidar_from_camera, camera.lens) * flash.pulses
     for number in bands:
-        electrons[..., number] = photons * is_exposed[:, None] * camera.bands[number].quantum_efficiency
+        electrons[..., number] = photons * camera.bands[number].quantum_efficiency
     return electrons
 
 

@@ -18,7 +18,7 @@ from rso_lidar.dataset.drawing.sample_order import BLOCK, assign_splits, choose_
 from rso_lidar.dataset.drawing.uniform_numbers import draw_shares
 from rso_lidar.dataset.specification.spec import DatasetSpec, check_model_split
 from rso_lidar.dataset.specification.tables import SPLITS, ClassOfTargets, ModelSplit, RandomSplit
-from rso_lidar.errors import DatasetError, ScenarioError, add_place, did_you_mean
+from rso_lidar.errors import DatasetError, ScenarioError, add_place, did_you_mean, warn
 from rso_lidar.files import convert_path, expand_user
 from rso_lidar.part import parse_toml
 from rso_lidar.scenario import Scenario, apply_setting, read_toml
@@ -250,6 +250,8 @@ def make_plan(
     with add_place(spec.where):
         for setting in spec.set:
             apply_setting(tables, setting)
+        if tables.pop("camera", None):
+            warn(f"scenario: a dataset holds no images of cameras; the [[camera]] of {path.name} is left out")
     trust_code, trust_fmu = trust_code or is_trusted("trust_code", path), trust_fmu or is_trusted("trust_fmu", path)
     folder = files or path.parent
     plan = DatasetPlan(spec, tables, folder, path.name, (), {}, {}, {}, trust_code, trust_fmu)

@@ -111,6 +111,15 @@ def test_a_sensor_is_kept_for_the_test(tmp_path):
         )
 
 
+def test_cameras_are_left_out_with_a_warning(tmp_path):
+    spec = make_spec(tmp_path)
+    camera = '[[camera]]\nname = "nav"\nlens = { fov_deg = 2, f_number = 4 }\n'
+    (tmp_path / "bench.toml").write_text(SCENARIO + camera, encoding="utf-8")
+    with pytest.warns(rl.RsoLidarWarning, match="no images of cameras"):
+        plan = make_plan(spec)
+    assert not plan.scenario().camera
+
+
 def test_models_by_taxonomy(tmp_path):
     own = [{"name": "cubesats", "taxonomy": {"subclass": "cubesat"}, "samples": 20}]
     assert make_plan(make_spec(tmp_path, classes=own)).models == (
