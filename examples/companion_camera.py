@@ -24,7 +24,7 @@ scenario = rl.Scenario(
     follower=rl.Follower(
         motion=rpo.Circumnavigation(relative_to="envisat", radial_m=60), attitude=rl.LookAt(at="envisat")
     ),
-    lidar=rl.Lidar(preset="gsfl_1064", receiver={"fov_deg": 20, "f_number": 1.8}, laser={"divergence_deg": 20}),
+    lidar=rl.Lidar(preset="gsfl_1064", receiver={"fov_deg": 30, "f_number": 1.8}, laser={"divergence_deg": 30}),
     camera=[
         rl.Camera(  # for navigation: beside the lidar, in colour
             name="nav",

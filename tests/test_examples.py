@@ -49,7 +49,7 @@ def test_every_example_has_a_test():
     assert set(NAMES) == {
         "tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop", "gated_search", "proximity_1570",
         "safety_ellipse", "thrusters", "lunar_descent", "geiger_bench", "ghosts_and_glare", "second_bounce",
-        "onboard_sensors", "dispersed_hop", "envisat_inspection", "geo_servicer",
+        "onboard_sensors", "dispersed_hop", "envisat_inspection", "geo_servicer", "companion_camera",
     }  # fmt: skip
 
 
@@ -59,7 +59,10 @@ def test_every_example_has_a_test():
         name
         for name in NAMES  # some begin beyond the reach of their lidar
         if name
-        not in ("closed_loop", "ghosts_and_glare", "proximity_1570", "thrusters", "envisat_inspection", "geo_servicer")
+        not in {
+            *("closed_loop", "ghosts_and_glare", "proximity_1570", "thrusters", "envisat_inspection", "geo_servicer"),
+            "companion_camera",  # a few glints saturate
+        }
     ],
 )
 def test_there_is_nothing_to_warn_of(name):
@@ -76,7 +79,10 @@ def test_there_is_nothing_to_warn_of(name):
         name
         for name in NAMES
         if name
-        not in ("closed_loop", "gated_search", "proximity_1570", "thrusters", "envisat_inspection", "geo_servicer")
+        not in {
+            *("closed_loop", "gated_search", "proximity_1570", "thrusters", "envisat_inspection", "geo_servicer"),
+            "companion_camera",  # has a test of its own
+        }
     ],
 )
 def test_first_middle_and_last_frame_find_their_target(name):
@@ -622,3 +628,21 @@ def test_geo_servicer_comes_to_12_m_in_its_corridor():
     np.testing.assert_allclose(place[1:], [(0, -50, 0), (0, -12, 0)], atol=4.0)
     for frame in fly(scenario, 335, 359):
         assert (frame.valid & on_target(frame)).sum() > 300
+
+
+# ------------------------------------------------------------------------------------------------ companion_camera
+
+
+def test_companion_camera_sees_the_satellite_by_day_and_stars_in_eclipse():
+    scenario = load("companion_camera")
+    coarse = [
+        camera.replace(lens=camera.lens.replace(n_rows=64, n_cols=64, pixel_pitch_um=44)) for camera in scenario.camera
+    ]
+    night, day = fly(scenario.replace(camera=coarse, world={"axes": "inertial"}), 9, 16)
+    assert float(night.camera["nav"].exposure_s) == pytest.approx(0.1)  # the longest that auto exposure takes
+    assert float(day.camera["nav"].exposure_s) < 0.01
+    assert (day.valid & on_target(day)).sum() > 100
+    labels = day.camera_labels["nav"]
+    assert labels.electrons[labels.target == 0].max() > 5000
+    assert night.camera_labels["stars"].electrons.max() > 200
+    assert (night.camera_labels["stars"].target == -1).all()

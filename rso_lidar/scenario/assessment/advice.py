@@ -249,7 +249,7 @@ def _advise_on_missing_sun(mission: Mission) -> list[str]:
 
 
 def _advise_on_earthshine(mission: Mission) -> list[str]:
-    """Warn of Earthshine that no receiver collects, and of two albedos of one Earth."""
+    """Warn of Earthshine that neither receiver nor camera collects, and of two albedos of one Earth."""
     albedo, receiver = mission.world.earth_albedo, mission.lidar.receiver
     if albedo is None:
         return []
@@ -261,6 +261,8 @@ def _advise_on_earthshine(mission: Mission) -> list[str]:
             f"world.earth_albedo is {albedo:g} and lidar.receiver.glare.earth_albedo {of_glare:g}: the Earth has one "
             "albedo; set both alike"
         ]
+    if mission.camera:
+        return []
     return [
         "world.earth_albedo asks for light of the Earth on targets, and the receiver collects no steady light; set "
         "lidar.receiver.filter_width_nm, or leave it out"
