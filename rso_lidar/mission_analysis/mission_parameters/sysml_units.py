@@ -30,6 +30,8 @@ UNITS = {
     "s": UnitNotation("DurationValue", "s"),
     "day": UnitNotation("DurationValue", "d"),
     "ns": UnitNotation("DurationValue", "ns"),
+    "µs": UnitNotation("DurationValue", "'µs'"),
+    "ms": UnitNotation("DurationValue", "ms"),
     "Hz": UnitNotation("FrequencyValue", "Hz"),
     "MHz": UnitNotation("FrequencyValue", "MHz"),
     "1/s": UnitNotation("FrequencyValue", "s^-1"),
@@ -77,6 +79,8 @@ UNITS = {
 _PREFIXED = {
     "mJ": ("millijoule", "EnergyUnit", "milli", "J"),
     "ns": ("nanosecond", "DurationUnit", "nano", "s"),
+    "'µs'": ("microsecond", "DurationUnit", "micro", "s"),
+    "ms": ("millisecond", "DurationUnit", "milli", "s"),
     "'µm'": ("micrometre", "LengthUnit", "micro", "m"),
     "mrad": ("milliradian", "AngularMeasureUnit", "milli", "rad"),
     "MHz": ("megahertz", "FrequencyUnit", "mega", "Hz"),
