@@ -181,12 +181,12 @@ def _gather_light(
     stars = _find_stars(camera, view, surfaces[0], natural)
     free = np.clip(1.0 - _sum_pixels(first, first.weight), 0.0, 1.0)
     behind = np.flatnonzero(sky * free)
+    if camera.has_penumbra:
+        first = scene.soften_shadows(first, surfaces[0], view, lens.pixel_tangent, threads)
     for number, (band, of_band) in enumerate(zip(camera.bands, surfaces, strict=True)):
         hits = first
-        if number and not all(a is b for a, b in zip(of_band, surfaces[0], strict=True)):
-            hits = scene.cast(first.rays, of_band, view, threads, sun=True, aperture_m=lens.aperture_m)
-        if camera.has_penumbra:
-            hits = scene.soften_shadows(hits, of_band, view, lens.pixel_tangent, threads)
+        if any(a is not b for a, b in zip(of_band, surfaces[0], strict=True)):
+            hits = scene.recolor_sunlight(first, surfaces[0], of_band, view, threads)
         if natural.earth_albedo is not None and natural.has_earth:
             hits = scene.add_earthshine(hits, of_band, view, natural.earth_albedo, threads)
         plane = optics.image_sunlight(hits, lens, band.wavelength_m)

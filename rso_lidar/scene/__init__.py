@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from rso_lidar.scene import library
     from rso_lidar.scene.bounces.bounce import bounce
     from rso_lidar.scene.bounces.earthshine import add_earthshine
-    from rso_lidar.scene.bounces.penumbra import soften_shadows
+    from rso_lidar.scene.bounces.penumbra import recolor_sunlight, soften_shadows
     from rso_lidar.scene.casting.cast import cast
     from rso_lidar.scene.casting.contours import contours, find_textures
     from rso_lidar.scene.casting.extent import extent
@@ -112,6 +112,7 @@ __all__ = [
     "own_folder",
     "own_models",
     "read_facet_colours",
+    "recolor_sunlight",
     "remove_model",
     "render_portrait",
     "soften_shadows",

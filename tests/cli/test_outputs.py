@@ -24,7 +24,15 @@ READS = [
     ("parameters", "requirements"),
     *(("serve", name) for name in ("token_file", "curve_key", "curve_clients")),
 ]
-WRITES = ("output", "to", "csv", "plot", "tubes", "target_orbit", "hidden_labels")  # parameters that name a file to write
+WRITES = (
+    "output",
+    "to",
+    "csv",
+    "plot",
+    "tubes",
+    "target_orbit",
+    "hidden_labels",
+)  # parameters that name a file to write
 
 
 def commands():

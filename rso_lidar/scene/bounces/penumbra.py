@@ -1,4 +1,4 @@
-"""Penumbrae: edges of shadows as soft as the Sun's disc makes them."""
+"""Sunlight on hits: edges of shadows as soft as the Sun's disc makes them, and the same light in another band."""
 
 from __future__ import annotations
 
@@ -61,6 +61,47 @@ def soften_shadows(
 
     run_in_threads(threads, lambda piece: soften(*piece), split_by_surface(number[near], len(surfaces), BAND_RAYS))
     return replace(hits, sunlight_per_sr=sunlight)
+
+
+def recolor_sunlight(
+    hits: Hits, before: Sequence[Surface], after: Sequence[Surface], truth: Truth, threads: int | None = None
+) -> Hits:
+    """Return hits in the sunlight of another band: shadows stay, and other materials reflect.
+
+    Parameters
+    ----------
+    hits : first facets that rays meet, with the sunlight on each
+    before, after : the surfaces of all targets in the band of that sunlight and in the other; they differ in materials alone
+    truth : where the surfaces are
+    threads : number of threads (None: one for each core). The result is the same to the bit
+
+    Returns
+    -------
+    The hits with the sunlight of the other band.
+    """
+    assert hits.sunlight_per_sr is not None
+    before, after, sunlight = tuple(before), tuple(after), hits.sunlight_per_sr.copy()
+    number, facet = number_facets(hits, before)
+    direction = hits.rays.direction[hits.ray]
+
+    def recolor(k: int, on: np.ndarray) -> None:
+        old, new = (
+            localize_points(surfaces, k, truth, direction[on], facet[on], hits.range_m[on])
+            for surfaces in (before, after)
+        )
+        bright, brighter = (compute_sunlight(points, _see_all) for points in (old, new))
+        sunlight[on] *= np.divide(brighter, bright, out=np.zeros(len(on)), where=bright > 0.0)
+        black = np.flatnonzero((bright <= 0.0) & (brighter > 0.0))  # its shadows are not known
+        if len(black):
+            sunlight[on[black]] = compute_sunlight(new.only(black))
+
+    run_in_threads(threads, lambda piece: recolor(*piece), split_by_surface(number, len(before), BAND_RAYS))
+    return replace(hits, sunlight_per_sr=sunlight)
+
+
+def _see_all(hits: LocalHits, up: np.ndarray, disc: np.ndarray) -> np.ndarray:
+    """Return 1 for hits on the Sun's side of their facet: nothing is in shadow (hit)."""
+    return up.astype(float)
 
 
 def _farthest_shade_m(surfaces: Sequence[Surface], truth: Truth) -> float:
