@@ -12,8 +12,8 @@ from rso_lidar.records import Record
 
 ROOMS = (  # in the order in which a reader needs them
     "simulation", "scenario", "records", "export", "orbit", "rpo", "motion", "sensors", "scene", "shapes", "optics",
-    "detector", "track", "study", "mission_analysis", "evaluation", "dataset", "dataset.torch", "loop", "fmi", "picture",
-    "errors", "units",
+    "detector", "imaging", "track", "study", "mission_analysis", "evaluation", "dataset", "dataset.torch", "loop", "fmi",
+    "picture", "errors", "units",
 )  # fmt: skip
 FIRST = {  # names with which to begin, of rooms with many
     "records": ("Frame", "Observation", "Reading", "Labels", "Truth", "Command"),

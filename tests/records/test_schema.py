@@ -127,7 +127,7 @@ def test_points_are_range_times_line_of_sight():
 def test_an_observation_holds_no_truth():
     """A controller gets what the spacecraft could know."""
     names = {field.name for field in dataclasses.fields(Observation)}
-    assert names == {"time_s", "reading", "settings", "line_of_sight", "pan_tilt_rad", "sensors"}
+    assert names == {"time_s", "reading", "settings", "line_of_sight", "pan_tilt_rad", "sensors", "camera"}
 
 
 def test_a_command_asks_for_nothing_by_default():

@@ -2,7 +2,7 @@
 ROS 2, core Flight System and Basilisk
 ======================================
 
-Three short programs in `examples/bridges` connect a simulation to other frameworks. They need those frameworks, so
+Short programs in `examples/bridges` connect a simulation to other frameworks. They need those frameworks, so
 that this page does not run them: it shows what they exchange, and runs what needs rso_lidar only.
 
 - **ROS 2** (`examples/bridges/ros2`): packages for colcon. A node has the topics of our MCAP files; `node.py` runs in the
@@ -10,6 +10,7 @@ that this page does not run them: it shows what they exchange, and runs what nee
 - **cFS** (`examples/bridges/cfs`): readings as CCSDS space packets over UDP, telecommands back, and the telemetry
   described as XTCE.
 - **Basilisk** (`examples/bridges/basilisk`): two spacecraft of Basilisk, one of which carries the lidar as a module.
+- **bsk_rl** (`examples/bridges/bsk_rl`): its published inspection task, observed by our frames.
 
 Each folder has a page that says what was tested.
 """
@@ -18,7 +19,7 @@ import rso_lidar as rl
 from rso_lidar import picture
 
 # %%
-# All three do what this loop does: step a simulation by a time that is shorter than the interval of the flashes, send
+# All do what this loop does: step a simulation by a time that is shorter than the interval of the flashes, send
 # what the spacecraft could know, and apply a command.
 scenario = rl.Scenario.load("examples/flight_software/tumbling_stage.toml", ("time.duration_s=3",))
 frames = []

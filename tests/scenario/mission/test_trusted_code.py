@@ -51,7 +51,9 @@ def recording(named):
 def test_a_file_runs_the_code_it_names_only_where_it_is_trusted(named):
     folder, text = named
     (folder / "s.toml").write_text(text)
-    with pytest.raises(ScenarioError, match=r"^s\.toml: follower\.motion: dynamics: .* in Python trust_code=True$"):
+    with pytest.raises(
+        ScenarioError, match=r"^s\.toml: follower\.motion: dynamics: .* in Python trust_code=True, or trust its folder"
+    ):
         next(rl.simulate(rl.Scenario.load(folder / "s.toml")))
     assert not (folder / "it_ran").exists()
     assert next(rl.simulate(rl.Scenario.load(folder / "s.toml", trust_code=True))).index == 0
