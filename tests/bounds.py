@@ -18,6 +18,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE = ROOT / "examples" / "tdrs_approach.toml"
+CAMERA = """
+[[camera]]
+name = "nav"
+lens = { fov_deg = 5, f_number = 4, n_rows = 32, n_cols = 32 }
+"""
 HEAVY = ("learn", "step", "view")  # extras of 3, 0.1 and 0.5 GB, which --heavy installs too
 
 NEED_MORE = (".raw", ".tdm")  # a detector with words of a report, and a target that is whole in the field
@@ -96,8 +101,10 @@ def main() -> None:
             "NUMBA_CACHE_DIR": folder,
         }  # nothing stays behind
         fly = [python, "-m", "rso_lidar"]
-        call(*fly, "check", EXAMPLE)
-        call(*fly, "run", EXAMPLE, "-o", "run.h5", "--frames", "0:3")
+        mission = Path("approach.toml")
+        mission.write_text(EXAMPLE.read_text(encoding="utf-8") + CAMERA, encoding="utf-8")
+        call(*fly, "check", mission)
+        call(*fly, "run", mission, "-o", "run.h5", "--frames", "0:3")
         call(*fly, "info", "run.h5")
         call(python, "-c", READ, "run.h5")
         call(*fly, "plot", "run.h5", "-o", "run.png")
