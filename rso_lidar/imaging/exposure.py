@@ -218,13 +218,11 @@ def _cast(lens: CameraLens, surfaces: Sequence[Surface], view: Truth, threads: i
     if len(sides):
         wanted = _LEAST_RAYS / max(float(sides.prod(axis=1).min()), 1e-12)
         per_pixel = min(wanted, _MOST_RAYS / float(np.sum(np.prod(sides + 1.0, axis=1))))
-    fine = lens
-    if (
-        per_pixel > lens.rays_per_side**2
-    ):  # not `replace`, which refuses grids that would be too many rays in all pixels
-        fine = lens.model_copy(update={"rays_per_pixel": math.ceil(math.sqrt(per_pixel)) ** 2})
-    elif lens.rays_per_side <= _SPARSE_SIDE:
-        return sampling.cast_image(lens, lens.even_light, surfaces, view, threads)
+    if per_pixel <= lens.rays_per_side**2:
+        cast = sampling.cast_image if lens.rays_per_side <= _SPARSE_SIDE else sampling.cast_pixels
+        return cast(lens, lens.even_light, surfaces, view, threads)
+    # Not `replace`, which refuses grids that would be too many rays in all pixels.
+    fine = lens.model_copy(update={"rays_per_pixel": math.ceil(math.sqrt(per_pixel)) ** 2})
     return sampling.cast_pixels(fine, lens.even_light, surfaces, view, threads)
 
 
