@@ -137,7 +137,7 @@ class Camera(Part):
         default=0.0,
         ge=-60_000,
         le=60_000,
-        description="Begin of the first row's exposure after the flash [ms]. Default: a choice, the flash.",
+        description="Start of the first row's exposure after the flash [ms]. Default: a choice, the flash.",
     )
     row_delay_us: NotNegative = Field(
         default=0.0,
@@ -184,5 +184,5 @@ class Camera(Part):
 
     @property
     def rows_s(self) -> float:
-        """Time from the first row's begin to the last row's begin [s]."""
+        """Time from the start of the first row's exposure to that of the last [s]."""
         return (self.lens.n_rows - 1) * self.row_delay_us * units.US

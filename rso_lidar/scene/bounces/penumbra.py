@@ -27,10 +27,10 @@ _DISC_POINTS = 24  # of a hit in a penumbra; each hit turns them, so that those 
 def soften_shadows(
     hits: Hits, surfaces: Sequence[Surface], truth: Truth, pixel_rad: float, threads: int | None = None
 ) -> Hits:
-    """Soften the edges of shadows of the Sun: near them, the visible share of its disc is found by rays to
-    its rim, and where these differ, to 24 points of it.
+    """Soften the edges of shadows of the Sun.
 
-    A penumbra without any hit in full shadow or without any in full light is not found, such as that of a thin rod.
+    Near them, rays go to 6 points of the rim of its disc. Where these differ, rays to 24 points of the disc give its visible
+    share. A penumbra without any hit in full shadow or without any in full light is not found, such as that of a thin rod.
 
     Parameters
     ----------
