@@ -77,24 +77,28 @@ def cast_image(
     Hits in the order of pixels, with the sunlight on each.
     """
     once = receiver if receiver.rays_per_side == 1 else receiver.replace(rays_per_pixel=1)
-    hits = cast_pixels(once, light, surfaces, truth, threads)
+    extent = scene.extent(surfaces, truth)
+
+    def cast(rays: Rays) -> Hits:
+        return scene.cast(rays, surfaces, truth, threads, sun=True, aperture_m=receiver.aperture_m)
+
+    if optics.find_small(once, extent).any():
+        hits = cast_pixels(once, light, surfaces, truth, threads)
+    else:
+        hits = cast(_grid_rays(once, optics.find_pixels(once, extent)))
     edges = _find_edges(hits) if receiver.rays_per_side > 1 else np.empty(0, np.int64)
     if not len(edges):
         return hits
-    rays = _grid_rays(receiver, edges)
-    finer = scene.cast(rays, surfaces, truth, threads, sun=True, aperture_m=receiver.aperture_m)
-    is_edge = np.zeros(receiver.n_rows * receiver.n_cols, bool)
-    is_edge[edges] = True
-    return _join(_leave_out(hits, is_edge), finer)
+    return _replace_pixels(hits, cast(_grid_rays(receiver, edges)))
 
 
 def _find_edges(hits: Hits) -> np.ndarray:
     """Find the pixels beside an edge (pixel): of a part, or of light; those that have several rays are fine enough."""
     rows, cols = hits.rays.shape
-    light, piece = np.zeros((rows, cols)), np.full((rows, cols), -1, np.int64)
+    light, piece = np.zeros((rows, cols)), np.full((rows, cols), -1, np.int32)
     assert hits.sunlight_per_sr is not None
     light.ravel()[hits.pixel] = hits.sunlight_per_sr
-    piece.ravel()[hits.pixel] = hits.target.astype(np.int64) << 16 | hits.part
+    piece.ravel()[hits.pixel] = hits.target.astype(np.int32) << 16 | hits.part
     is_edge = np.zeros((rows, cols), bool)
     for here, there in (
         (np.s_[1:, :], np.s_[:-1, :]),
@@ -122,33 +126,23 @@ def _grid_rays(receiver: Receiver, pixels: np.ndarray) -> Rays:
     return Rays(receiver.shape, direction.T, np.repeat(pixels, k * k).astype(np.int32), weight)
 
 
-def _leave_out(hits: Hits, is_left_out: np.ndarray) -> Hits:
-    """Return the hits without those in some pixels (mask over all pixels), and without their rays."""
-    rays = hits.rays
-    kept_rays, kept = np.flatnonzero(~is_left_out[rays.pixel]), np.flatnonzero(~is_left_out[hits.pixel])
-    place = np.zeros(len(rays.pixel), np.int32)
-    place[kept_rays] = np.arange(len(kept_rays))
-    chosen = Rays(rays.shape, rays.direction[kept_rays], rays.pixel[kept_rays], rays.weight[kept_rays])
-    fields = {name: getattr(hits, name)[kept] for name in _list_fields(hits)}
-    return replace(hits, rays=chosen, **fields | {"ray": place[fields["ray"]]}, photons_variance=None)
-
-
-def _join(a: Hits, b: Hits) -> Hits:
-    """Join the hits of two sets of pixels, in the order of pixels."""
-    order = np.argsort(np.concatenate([a.rays.pixel, b.rays.pixel]), kind="stable")
-    rays = Rays(
-        a.rays.shape,
-        np.concatenate([a.rays.direction, b.rays.direction])[order],
-        np.concatenate([a.rays.pixel, b.rays.pixel])[order],
-        np.concatenate([a.rays.weight, b.rays.weight])[order],
-    )
-    place = np.empty(len(order), np.int32)
-    place[order] = np.arange(len(order))
-    ray = place[np.concatenate([a.ray, b.ray + len(a.rays.pixel)])]
+def _replace_pixels(hits: Hits, finer: Hits) -> Hits:
+    """Replace the hits of some pixels by finer ones, and the rays too; the order is that of pixels."""
+    is_replaced = np.zeros(hits.rays.shape[0] * hits.rays.shape[1], bool)
+    is_replaced[finer.rays.pixel] = True
+    kept_rays, kept = np.flatnonzero(~is_replaced[hits.rays.pixel]), np.flatnonzero(~is_replaced[hits.pixel])
+    pixel = np.concatenate([hits.rays.pixel[kept_rays], finer.rays.pixel])
+    order = np.argsort(pixel, kind="stable")
+    direction = np.concatenate([hits.rays.direction.T[:, kept_rays], finer.rays.direction.T], axis=1)
+    weight = np.concatenate([hits.rays.weight[kept_rays], finer.rays.weight])
+    rays = Rays(hits.rays.shape, direction[:, order].T, pixel[order], weight[order])
+    number, place = np.zeros(len(hits.rays.pixel), np.int32), np.empty(len(order), np.int32)
+    number[kept_rays], place[order] = np.arange(len(kept_rays)), np.arange(len(order))
+    ray = place[np.concatenate([number[hits.ray[kept]], finer.ray + len(kept_rays)])]
     sort = np.argsort(ray, kind="stable")
-    names = [name for name in _list_fields(a) if name != "ray"]
-    fields = {name: np.concatenate([getattr(a, name), getattr(b, name)])[sort] for name in names}
-    return replace(a, rays=rays, ray=ray[sort], **fields)
+    names = [name for name in _list_fields(hits) if name != "ray"]
+    fields = {name: np.concatenate([getattr(hits, name)[kept], getattr(finer, name)])[sort] for name in names}
+    return replace(hits, rays=rays, ray=ray[sort], **fields, photons_variance=None)
 
 
 def _list_fields(hits: Hits) -> list[str]:

@@ -316,16 +316,17 @@ def _label(hits: Hits, electrons: np.ndarray) -> CameraLabels:
     if len(hits.ray):
         most_parts = int(hits.part.max()) + 1
         piece = hits.target.astype(np.int64) * most_parts + hits.part
-        pieces = int(piece.max()) + 1
-        key = hits.pixel.astype(np.int64) * pieces + piece
-        keys, inverse = np.unique(key, return_inverse=True)
-        area = np.bincount(inverse, hits.weight)
-        mean_m = np.bincount(inverse, hits.weight * hits.range_m) / area
-        order = np.lexsort((-area, keys // pieces))
-        first = order[np.unique(keys[order] // pieces, return_index=True)[1]]
-        pixel, of = keys[first] // pieces, keys[first] % pieces
+        first = np.flatnonzero(np.diff(hits.pixel, prepend=-1))  # hit of each pixel
+        pixel, of = hits.pixel[first], np.maximum.reduceat(piece, first)
+        area, moment_m = np.add.reduceat(hits.weight, first), np.add.reduceat(hits.weight * hits.range_m, first)
+        is_mixed = np.minimum.reduceat(piece, first) < of
+        if is_mixed.any():
+            mixed = np.repeat(is_mixed, np.diff(first, append=len(piece)))
+            of[is_mixed], area[is_mixed], moment_m[is_mixed] = _choose_pieces(
+                hits.pixel[mixed], piece[mixed], hits.weight[mixed], hits.range_m[mixed]
+            )
         target.ravel()[pixel], part.ravel()[pixel] = of // most_parts, of % most_parts
-        range_m.ravel()[pixel] = mean_m[first]
+        range_m.ravel()[pixel] = moment_m / area
     filled = np.minimum(_sum_pixels(hits, hits.weight), 1.0)
     return CameraLabels(
         electrons=electrons.astype(np.float32),
@@ -334,3 +335,27 @@ def _label(hits: Hits, electrons: np.ndarray) -> CameraLabels:
         range_m=range_m,
         filled_fraction=filled.astype(np.float32),
     )
+
+
+def _choose_pieces(
+    pixel: np.ndarray, piece: np.ndarray, weight: np.ndarray, range_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Choose the piece that covers most of each pixel; of equal ones, the first.
+
+    Parameters
+    ----------
+    pixel : (hit), never falling
+    piece : (hit) number of the target's part
+    weight : (hit) share of the pixel's area
+    range_m : (hit) [m]
+
+    Returns
+    -------
+    The piece (pixel), its share of the pixel, and its mean range times that share [m].
+    """
+    pieces = int(piece.max()) + 1
+    keys, inverse = np.unique(pixel.astype(np.int64) * pieces + piece, return_inverse=True)
+    area, moment_m = np.bincount(inverse, weight), np.bincount(inverse, weight * range_m)
+    order = np.lexsort((-area, keys // pieces))
+    most = order[np.unique(keys[order] // pieces, return_index=True)[1]]
+    return keys[most] % pieces, area[most], moment_m[most]

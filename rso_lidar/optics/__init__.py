@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rso_lidar.optics.lens.internal_reflections import Ghost
     from rso_lidar.optics.lens.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
     from rso_lidar.optics.lens.surface_scatter import Baffle, Glare
-    from rso_lidar.optics.rays.scan_lines import ScanLines, find_small, pixel_rays
+    from rso_lidar.optics.rays.scan_lines import ScanLines, find_pixels, find_small, pixel_rays
     from rso_lidar.optics.receiver import Receiver
     from rso_lidar.optics.returns.blur import blur_steady_light, read_files
     from rso_lidar.optics.returns.pulse_average import assign_pulses, average_pulses
@@ -43,6 +43,7 @@ __all__ = [
     "average_pulses",
     "blur_steady_light",
     "collect",
+    "find_pixels",
     "find_small",
     "image_flash",
     "image_sky",

@@ -383,6 +383,25 @@ def find_small(receiver: Receiver, extent: Extent) -> np.ndarray:
     return few
 
 
+def find_pixels(receiver: Receiver, extent: Extent) -> np.ndarray:
+    """Find the pixels that a target's bounds may touch.
+
+    Parameters
+    ----------
+    receiver : the lens and the focal plane
+    extent : where targets can be
+
+    Returns
+    -------
+    Numbers of the pixels (pixel), row * n_cols + col, ascending.
+    """
+    bounds, outlines = image_bounds(receiver, extent, np.inf), image_outlines(receiver, extent)
+    touched, top, left = cover_pixels(bounds, *outlines, packed(np.ones(len(extent.low), np.int64)), *receiver.shape)
+    row, col = np.nonzero(touched)
+    pixels: np.ndarray = (row + top) * receiver.n_cols + col + left
+    return pixels
+
+
 def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
     """Make a fixed grid of rays, k x k through each pixel that a target's bounds may touch.
 

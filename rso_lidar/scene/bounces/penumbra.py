@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +14,16 @@ from rso_lidar.scene.bounces.path_starts import number_facets
 from rso_lidar.scene.bounces.scattering import localize_points
 from rso_lidar.scene.casting.cast import compute_sunlight
 from rso_lidar.scene.casting.first_hits import BAND_RAYS, split_by_surface
-from rso_lidar.scene.casting.local_hits import LocalHits, dot, rotate
-from rso_lidar.scene.casting.shadows import find_shadowed
+from rso_lidar.scene.casting.local_hits import LocalHits, dot
+from rso_lidar.scene.casting.shadows import find_occluders_m, find_shadowed
 from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD
 from rso_lidar.scene.surfaces.surface import Surface
 
 _GOLDEN_RAD = np.pi * (3.0 - np.sqrt(5.0))
 _RIM, _RIM_POINTS = 0.97, 6  # over the Sun's radius: where hits in a penumbra are told from others
+_LEAST_COSINE = 0.01  # of the Sun's incidence: nearer to the surface, penumbrae are taken to be no wider
+_LEAST_WIDTH = 0.25  # of the way between rays: narrower penumbrae stay sharp
+_BESIDE = 1  # rows and columns about an edge, or about hits in a penumbra, in which hits are asked
 _DISC_POINTS = 24  # of a hit in a penumbra; each hit turns them, so that those of a pixel do not err alike
 
 
@@ -29,15 +32,17 @@ def soften_shadows(
 ) -> Hits:
     """Soften the edges of shadows of the Sun.
 
-    Near them, rays go to 6 points of the rim of its disc. Where these differ, rays to 24 points of the disc give its visible
-    share. A penumbra without any hit in full shadow or without any in full light is not found, such as that of a thin rod.
+    From hits beside an edge, rays go to 6 points of the rim of the Sun's disc. Where these differ, rays to 24 points of the
+    disc give its visible share, and the hits around are asked too, as far as the penumbra reaches. An edge stays sharp where
+    what casts the shadow is so near that the penumbra is a quarter of the way between two rays. A penumbra without any hit in
+    full shadow or without any in full light is not found, such as that of a thin rod.
 
     Parameters
     ----------
     hits : first facets that rays meet, with the sunlight on each, shadows having sharp edges
     surfaces : the surfaces of all targets, each in its own axes
     truth : where the surfaces are
-    pixel_rad : angle of a pixel [rad], which decides how many pixels are near an edge
+    pixel_rad : angle of a pixel [rad]
     threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
@@ -48,18 +53,35 @@ def soften_shadows(
         return hits
     surfaces, sunlight = tuple(surfaces), hits.sunlight_per_sr.copy()
     number, facet = number_facets(hits, surfaces)
-    direction = hits.rays.direction[hits.ray]
-    dark = np.flatnonzero(sunlight <= 0.0)
-    shaded = dark[_face_sun(surfaces, truth, number[dark], facet[dark], direction[dark])]
-    reach_m = SUN_RADIUS_RAD * _farthest_shade_m(surfaces, truth)
-    near = np.flatnonzero(_find_shadow_edges(hits, sunlight, shaded, reach_m, pixel_rad))
+    width_m, visible = np.zeros(len(sunlight)), np.zeros(len(sunlight))
 
-    def soften(k: int, some: np.ndarray) -> None:
-        on = near[some]
-        points = localize_points(surfaces, k, truth, direction[on], facet[on], hits.range_m[on])
-        sunlight[on] = compute_sunlight(points, lambda local, up, disc: _find_visible_share(local, up, disc, on))
+    def localize(k: int, on: np.ndarray) -> LocalHits:
+        return localize_points(surfaces, k, truth, hits.rays.direction[hits.ray[on]], facet[on], hits.range_m[on])
 
-    run_in_threads(threads, lambda piece: soften(*piece), split_by_surface(number[near], len(surfaces), BAND_RAYS))
+    def measure(k: int, on: np.ndarray) -> None:
+        width_m[on] = _measure_penumbrae_m(localize(k, on))
+
+    def soften(k: int, on: np.ndarray) -> None:
+        points = localize(k, on)
+        visible[on] = _find_visible_share(points, on)
+        was_dark = np.flatnonzero((sunlight[on] <= 0.0) & (visible[on] > 0.0))
+        sunlight[on] *= visible[on]
+        sunlight[on[was_dark]] = compute_sunlight(points.only(was_dark), visible[on[was_dark]])
+
+    def run(work: Callable[[int, np.ndarray], None], on: np.ndarray) -> None:
+        pieces = [(k, on[some]) for k, some in split_by_surface(number[on], len(surfaces), BAND_RAYS)]
+        run_in_threads(threads, lambda piece: work(*piece), pieces)
+
+    lit = _mark(hits, sunlight > 0.0)
+    run(measure, np.flatnonzero((sunlight <= 0.0) & _widen(lit).ravel()[hits.pixel]))
+    spacing_m = np.sqrt(float(hits.weight.min())) * pixel_rad * hits.range_m
+    shaded, is_open = _mark(hits, width_m > _LEAST_WIDTH * spacing_m), np.ones(len(sunlight), bool)
+    near = (lit & _widen(shaded)) | (shaded & _widen(lit))
+    while len(on := np.flatnonzero(is_open & near.ravel()[hits.pixel])):
+        is_open[on] = False
+        run(soften, on)
+        partly = on[(visible[on] > 0.0) & (visible[on] < 1.0)]
+        near = _widen(_mark(hits, partly))
     return replace(hits, sunlight_per_sr=sunlight)
 
 
@@ -89,7 +111,7 @@ def recolor_sunlight(
             localize_points(surfaces, k, truth, direction[on], facet[on], hits.range_m[on])
             for surfaces in (before, after)
         )
-        bright, brighter = (compute_sunlight(points, _see_all) for points in (old, new))
+        bright, brighter = (compute_sunlight(points, np.ones(len(on))) for points in (old, new))
         sunlight[on] *= np.divide(brighter, bright, out=np.zeros(len(on)), where=bright > 0.0)
         black = np.flatnonzero((bright <= 0.0) & (brighter > 0.0))  # its shadows are not known
         if len(black):
@@ -99,85 +121,81 @@ def recolor_sunlight(
     return replace(hits, sunlight_per_sr=sunlight)
 
 
-def _see_all(hits: LocalHits, up: np.ndarray, disc: np.ndarray) -> np.ndarray:
-    """Return 1 for hits on the Sun's side of their facet: nothing is in shadow (hit)."""
-    return up.astype(float)
+def _find_sun(points: LocalHits) -> np.ndarray:
+    """Return the unit vector to the Sun (xyz) in the surface's axes."""
+    sun = np.asarray(points.truth.sun_direction, dtype=float)
+    to_sun: np.ndarray = rotate_vectors(points.truth.poses.place(points.surface.name, ROOT)[1], sun / np.linalg.norm(sun))
+    return to_sun
 
 
-def _farthest_shade_m(surfaces: Sequence[Surface], truth: Truth) -> float:
-    """Return the greatest distance from which one surface may shade another or itself [m]."""
-    centres = []
-    for surface in surfaces:
-        origin, turn = truth.poses.place("lidar", surface.name)
-        centre, radius = surface.sphere
-        centres.append((origin + rotate_vectors(turn, centre), radius))
-    return max(float(np.linalg.norm(a - b)) + radius_a + radius_b for a, radius_a in centres for b, radius_b in centres)
+def _measure_penumbrae_m(points: LocalHits) -> np.ndarray:
+    """Measure half the width on the surface of penumbrae at points in shadow (hit) [m]; 0 for points that face away."""
+    to_sun = _find_sun(points)
+    cosine = np.maximum(to_sun @ points.facing, 0.0)
+    occluder_m = find_occluders_m(points, cosine > 0.0, np.repeat(to_sun[:, None], len(cosine), axis=1))
+    reach_m = SUN_RADIUS_RAD * np.where(np.isfinite(occluder_m), occluder_m, 0.0)
+    width_m: np.ndarray = reach_m / np.maximum(cosine, _LEAST_COSINE)
+    return width_m
 
 
-def _face_sun(
-    surfaces: Sequence[Surface], truth: Truth, number: np.ndarray, facet: np.ndarray, direction: np.ndarray
-) -> np.ndarray:
-    """Return whether the side of each facet that is seen is the one toward the Sun (hit)."""
-    toward_sun = np.zeros(len(number), bool)
-    sun = np.asarray(truth.sun_direction, dtype=float)
-    for k, surface in enumerate(surfaces):
-        on = np.flatnonzero(number == k)
-        normal = surface.planes[:3, facet[on]]
-        along = rotate(truth.poses.place(surface.name, "lidar"), direction[on].T)
-        to_sun = rotate_vectors(truth.poses.place(surface.name, ROOT)[1], sun)
-        toward_sun[on] = dot(normal, along) * (to_sun @ normal) < 0.0
-    return toward_sun
+def _mark(hits: Hits, some: np.ndarray) -> np.ndarray:
+    """Mark the pixels (row, col) of some hits, a mask or numbers."""
+    mask = np.zeros(hits.rays.shape, bool)
+    mask.ravel()[hits.pixel[some]] = True
+    return mask
 
 
-def _find_shadow_edges(
-    hits: Hits, sunlight: np.ndarray, shaded: np.ndarray, reach_m: float, pixel_rad: float
-) -> np.ndarray:
-    """Find the hits (hit) that may be in a penumbra: those near both a sunlit hit and one in shadow.
-
-    Parameters
-    ----------
-    shaded : (hit) numbers of those in shadow
-    reach_m : half the greatest width of a penumbra [m]
-    """
-    from scipy.ndimage import maximum_filter
-
-    width = 2 * int(min(np.ceil(reach_m / (float(hits.range_m.min()) * pixel_rad)) + 1.0, max(hits.rays.shape))) + 1
-    is_lit, is_dark = np.zeros((2, *hits.rays.shape), np.uint8)
-    is_lit.ravel()[hits.pixel[sunlight > 0.0]] = 1
-    is_dark.ravel()[hits.pixel[shaded]] = 1
-    near: np.ndarray = (maximum_filter(is_lit, width) & maximum_filter(is_dark, width)).ravel()[hits.pixel] > 0
-    return near
+def _widen(mask: np.ndarray) -> np.ndarray:
+    """Return the pixels (row, col) beside those in a mask, by up to `_BESIDE` rows and columns."""
+    wide = mask.copy()
+    for step in range(1, _BESIDE + 1):
+        wide[:, step:] |= mask[:, :-step]
+        wide[:, :-step] |= mask[:, step:]
+    wider = wide.copy()
+    for step in range(1, _BESIDE + 1):
+        wider[step:] |= wide[:-step]
+        wider[:-step] |= wide[step:]
+    return wider
 
 
-def _find_visible_share(hits: LocalHits, up: np.ndarray, disc: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """Find the share (hit) of the Sun's disc that no surface hides; 0 for hits that are not `up`.
+def _find_visible_share(hits: LocalHits, number: np.ndarray) -> np.ndarray:
+    """Find the share (hit) of the Sun's disc that no surface hides; 0 for hits that face away from its centre.
 
     Points on the rim of the disc come first. Where they agree, no others are asked.
 
     Parameters
     ----------
-    up : (hit) hits on the Sun's side of their facet
-    disc : (point, xyz) points of equal weight on the disc
     number : (hit) numbers that differ from hit to hit
     """
-    to_sun = disc.sum(axis=0)
-    to_sun /= np.linalg.norm(to_sun)
-    upward = np.cross(to_sun, disc[0])
-    upward /= np.linalg.norm(upward)
-    across, reach_m = np.cross(upward, to_sun), np.full(len(up), np.inf)
+    to_sun = _find_sun(hits)
+    across = np.cross(to_sun, np.eye(3)[int(np.argmin(np.abs(to_sun)))])
+    across /= np.linalg.norm(across)
+    upward = np.cross(to_sun, across)
 
     def count(radius: np.ndarray, angle: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        """Count the points (hit) that something hides, at a share of the Sun's radius (point) and an angle (point) [rad]."""
-        hidden = np.zeros(len(up))
-        for sine, at in zip(radius * SUN_RADIUS_RAD, angle, strict=True):
-            turned = at + _GOLDEN_RAD * number
-            toward = to_sun[:, None] + sine * (np.cos(turned) * across[:, None] + np.sin(turned) * upward[:, None])
-            hidden[find_shadowed(hits, asked, toward / np.sqrt(dot(toward, toward)), reach_m)] += 1.0
-        return hidden
+        """Count the points (asked) that something hides, at a share of the Sun's radius (point) and an angle (point) [rad]."""
+        sine, turned = radius * SUN_RADIUS_RAD, (_GOLDEN_RAD * number[asked])[:, None] + angle
+        toward = np.empty((3, turned.size))
+        aside, above = (sine * np.cos(turned)).ravel(), (sine * np.sin(turned)).ravel()
+        for axis in range(3):
+            toward[axis] = to_sun[axis] + aside * across[axis] + above * upward[axis]
+        toward /= np.sqrt(1.0 + np.tile(sine * sine, len(asked)))
+        hidden = np.zeros(turned.size)
+        every = np.ones(turned.size, bool)
+        from_hits = replace(
+            hits,
+            point=np.repeat(hits.point[:, asked], len(angle), axis=1),
+            facing=np.repeat(hits.facing[:, asked], len(angle), axis=1),
+        )
+        hidden[find_shadowed(from_hits, every, toward, np.full(turned.size, np.inf))] = 1.0
+        total: np.ndarray = hidden.reshape(turned.shape).sum(axis=1)
+        return total
 
+    visible, up = np.zeros(len(number)), np.flatnonzero((to_sun @ hits.facing > 0.0) & (hits.cos_out > 0.0))
     of_rim = count(np.full(_RIM_POINTS, _RIM), np.arange(_RIM_POINTS) * (2.0 * np.pi / _RIM_POINTS), up)
-    is_mixed = up & (of_rim > 0.0) & (of_rim < _RIM_POINTS)
+    visible[up] = of_rim == 0.0
+    mixed = up[(of_rim > 0.0) & (of_rim < _RIM_POINTS)]
     order = np.arange(_DISC_POINTS)
-    of_disc = count(np.sqrt((order + 0.5) / _DISC_POINTS), order * _GOLDEN_RAD, is_mixed)
-    visible = np.where(is_mixed, 1.0 - of_disc / _DISC_POINTS, of_rim == 0.0)
-    return np.where(up, visible, 0.0)
+    of_disc = count(np.sqrt((order + 0.5) / _DISC_POINTS), order * _GOLDEN_RAD, mixed)
+    visible[mixed] = 1.0 - of_disc / _DISC_POINTS
+    return visible

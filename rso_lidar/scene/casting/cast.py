@@ -7,7 +7,7 @@ number of bands.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -166,20 +166,18 @@ def _compute_laser_light(hits: LocalHits, laser_from_m: np.ndarray) -> tuple[np.
     return cos_in, brdf
 
 
-def compute_sunlight(
-    hits: LocalHits, find_visible: Callable[[LocalHits, np.ndarray, np.ndarray], np.ndarray] | None = None
-) -> np.ndarray:
+def compute_sunlight(hits: LocalHits, visible: np.ndarray | None = None) -> np.ndarray:
     """Compute BRDF times cosine of incidence [1/sr] of sunlight toward the lidar, times the sunlit share of the Sun's disc.
 
     A lobe that changes within the disc is averaged over two rings of six points. This is Gauss quadrature in the square
     of the radius, exact for polynomials of degree five in the offset. It is good to a few per cent for lobes down to half
-    the disc. Shadows have a sharp edge: the shadow ray goes to the centre of the disc.
+    the disc.
 
     Parameters
     ----------
     hits : hits on one surface
-    find_visible : called with the hits, a mask of those on the Sun's side, and points of equal weight on the disc (point,
-        xyz), returns the share (hit) of the disc that no surface hides. None for a sharp edge
+    visible : share (hit) of the disc that no surface hides. None for shadows with a sharp edge: a ray goes to the centre of
+        the disc
     """
     lit = np.zeros(len(hits.facet))
     sun = np.asarray(hits.truth.sun_direction, dtype=float)
@@ -187,31 +185,31 @@ def compute_sunlight(
     if not np.all(np.isfinite(sun)) or share <= 0.0 or not len(lit):
         return lit
     to_sun = rotate_vectors(hits.truth.poses.place(hits.surface.name, ROOT)[1], sun / np.linalg.norm(sun))
-    toward = np.repeat(to_sun[:, None], len(lit), axis=1)
-    up = (dot(hits.facing, toward) > 0.0) & (hits.cos_out > 0.0)
-    ring = _disc(to_sun)
-    if find_visible is not None:
-        visible = find_visible(hits, up, ring)
-    else:
+    up = (dot(hits.facing, to_sun) > 0.0) & (hits.cos_out > 0.0)
+    if visible is None:
         visible = up.astype(float)
+        toward = np.repeat(to_sun[:, None], len(lit), axis=1)
         visible[find_shadowed(hits, up, toward, np.full(len(up), np.inf))] = 0.0
-    on = np.flatnonzero(visible)
+    on = np.flatnonzero(up & (visible > 0.0))
+    cos_in, cos_out = np.clip(dot(hits.normal, to_sun), 0.0, 1.0)[on], hits.cos_out[on]
+    cos_phase = np.clip(dot(hits.to_viewer, to_sun), -1.0, 1.0)[on]
+    ring = _disc(to_sun) if any(material.is_narrow for material in hits.surface.materials) else to_sun[None]
 
     def ask(material: Scatterer, of: np.ndarray) -> np.ndarray:
-        normal, to_viewer, cos_out = hits.normal[:, on[of]], hits.to_viewer[:, on[of]], hits.cos_out[on[of]]
-        points = ring if material.is_narrow else to_sun[None]
-        total = np.zeros(len(of))
-        for point in points:
-            cos_in = np.clip(dot(normal, point), 0.0, 1.0)
-            cos_phase = np.clip(dot(to_viewer, point), -1.0, 1.0)
-            total += cos_in * material.sunlight_brdf_per_sr(cos_in, cos_out, cos_phase)
-        slope = hits.slope[on[of]]
+        if material.is_narrow:
+            normal, to_viewer, total = hits.normal[:, on[of]], hits.to_viewer[:, on[of]], np.zeros(len(of))
+            for point in ring:
+                met, phase = np.clip(dot(normal, point), 0.0, 1.0), np.clip(dot(to_viewer, point), -1.0, 1.0)
+                total += met * material.sunlight_brdf_per_sr(met, cos_out[of], phase)
+        else:
+            total = cos_in[of] * material.sunlight_brdf_per_sr(cos_in[of], cos_out[of], cos_phase[of])
         if material.rms_slope > 0.0:
-            cos_in, cos_phase = dot(hits.base[:, on[of]], to_sun), dot(to_viewer, to_sun)
-            total *= hits.projected_area[on[of]] * masking_shadowing(
-                cos_in, hits.base_cos_out[on[of]], cos_phase, slope
+            at = on[of]
+            base_in = dot(hits.base[:, at], to_sun)
+            total *= hits.projected_area[at] * masking_shadowing(
+                base_in, hits.base_cos_out[at], dot(hits.to_viewer[:, at], to_sun), hits.slope[at]
             )
-        return total / len(points)
+        return total / len(ring) if material.is_narrow else total
 
     lit[on] = share * visible[on] * hits.surface.evaluate_by_material(hits.facet[on], ask)
     return lit

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.kernels import packed
-from rso_lidar.scene.casting.shadows import OFF_THE_FACET, mark_shadowed
+from rso_lidar.scene.casting.shadows import OFF_THE_FACET, cut_rays
 from rso_lidar.scene.embree.engine import engine
 from rso_lidar.scene.surfaces.surface import Surface
 
@@ -115,16 +115,17 @@ def find_free(
     (point) bool
     """
     count = position.shape[1]
-    met, asked, reach = np.zeros(count, dtype=bool), np.ones(count, dtype=bool), np.full(count, np.inf)
+    left = np.full(count, np.inf)
     size = max(
         float(np.linalg.norm(surface.sphere[0] + pose[0])) + surface.sphere[1]
         for surface, pose in zip(surfaces, poses, strict=True)
     )
-    rays = packed(asked), packed(position), packed(facing), OFF_THE_FACET * size, packed(toward), packed(reach)
+    rays = packed(position), packed(facing), OFF_THE_FACET * size, packed(toward)
     embree = engine()
     for surface, (origin, turn) in zip(surfaces, poses, strict=True):
         scene, sphere = surface.scene(embree), np.append(*surface.sphere)
         placed = packed(-turn.T @ origin), packed(turn.T), packed(sphere)
-        mark_shadowed(met, *rays, *placed, embree.occluded, scene.address, embree.width)
+        cut_rays(left, *rays, *placed, embree.occluded, scene.address, embree.width)
         embree.check()
-    return ~met
+    free: np.ndarray = left > 0.0
+    return free

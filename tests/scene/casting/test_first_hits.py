@@ -11,7 +11,7 @@ from rso_lidar.optics import Laser, Receiver, pixel_rays
 from rso_lidar.records import Rays
 from rso_lidar.scene import Lambertian, Phong, RetroReflector
 from rso_lidar.scene.casting.first_hits import cast_rays
-from rso_lidar.scene.casting.shadows import mark_shadowed
+from rso_lidar.scene.casting.shadows import cut_rays
 from rso_lidar.scene.embree import engine as embree
 from rso_lidar.scene.embree.ray_by_ray import RayByRay
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
@@ -231,4 +231,4 @@ def test_any_layout_of_rays_is_taken_and_compiled_once(layout):
     one, two = scene.cast(rays, targets, truth, 1, **sun), scene.cast(other, targets, truth, 2, **sun)
     for name in (*EXACT, *ROUNDED):
         assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
-    assert len(cast_rays.dispatcher.signatures) == len(mark_shadowed.dispatcher.signatures) == 1
+    assert len(cast_rays.dispatcher.signatures) == len(cut_rays.dispatcher.signatures) == 1
