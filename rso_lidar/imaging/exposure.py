@@ -183,10 +183,8 @@ def _gather_light(
     behind = np.flatnonzero(sky * free)
     if camera.has_penumbra:
         first = scene.soften_shadows(first, surfaces[0], view, lens.pixel_tangent, threads)
-    for number, (band, of_band) in enumerate(zip(camera.bands, surfaces, strict=True)):
-        hits = first
-        if any(a is not b for a, b in zip(of_band, surfaces[0], strict=True)):
-            hits = scene.recolor_sunlight(first, surfaces[0], of_band, view, threads)
+    colored = scene.recolor_sunlight(first, surfaces, view, threads)
+    for number, (band, of_band, hits) in enumerate(zip(camera.bands, surfaces, colored, strict=True)):
         if natural.earth_albedo is not None and natural.has_earth:
             hits = scene.add_earthshine(hits, of_band, view, natural.earth_albedo, threads)
         plane = optics.image_sunlight(hits, lens, band.wavelength_m)

@@ -22,8 +22,7 @@ from rso_lidar.scene.surfaces.surface import Surface
 _GOLDEN_RAD = np.pi * (3.0 - np.sqrt(5.0))
 _RIM, _RIM_POINTS = 0.97, 6  # over the Sun's radius: where hits in a penumbra are told from others
 _LEAST_COSINE = 0.01  # of the Sun's incidence: nearer to the surface, penumbrae are taken to be no wider
-_LEAST_WIDTH = 0.25  # of the way between rays: narrower penumbrae stay sharp
-_BESIDE = 1  # rows and columns about an edge, or about hits in a penumbra, in which hits are asked
+_LEAST_WIDTH = 0.5  # of the way between rays, on each side of an edge: rays do not resolve narrower penumbrae
 _DISC_POINTS = 24  # of a hit in a penumbra; each hit turns them, so that those of a pixel do not err alike
 
 
@@ -34,8 +33,8 @@ def soften_shadows(
 
     From hits beside an edge, rays go to 6 points of the rim of the Sun's disc. Where these differ, rays to 24 points of the
     disc give its visible share, and the hits around are asked too, as far as the penumbra reaches. An edge stays sharp where
-    what casts the shadow is so near that the penumbra is a quarter of the way between two rays. A penumbra without any hit in
-    full shadow or without any in full light is not found, such as that of a thin rod.
+    its penumbra is narrower than the way between two rays, because what casts the shadow is near. A penumbra without any hit
+    in full shadow or without any in full light is not found, such as that of a thin rod.
 
     Parameters
     ----------
@@ -86,52 +85,62 @@ def soften_shadows(
 
 
 def recolor_sunlight(
-    hits: Hits, before: Sequence[Surface], after: Sequence[Surface], truth: Truth, threads: int | None = None
-) -> Hits:
-    """Return hits in the sunlight of another band: shadows stay, and other materials reflect.
+    hits: Hits, bands: Sequence[Sequence[Surface]], truth: Truth, threads: int | None = None
+) -> list[Hits]:
+    """Return hits in the sunlight of each band: shadows stay, and other materials reflect.
 
     Parameters
     ----------
-    hits : first facets that rays meet, with the sunlight on each
-    before, after : the surfaces of all targets in the band of that sunlight and in the other; they differ in materials alone
+    hits : first facets that rays meet, with the sunlight of the first band on each
+    bands : for each band, the surfaces of all targets, which differ in what their materials reflect alone
     truth : where the surfaces are
     threads : number of threads (None: one for each core). The result is the same to the bit
 
     Returns
     -------
-    The hits with the sunlight of the other band.
+    The hits with the sunlight of each band, the given ones first.
     """
-    assert hits.sunlight_per_sr is not None
-    before, after, sunlight = tuple(before), tuple(after), hits.sunlight_per_sr.copy()
-    number, facet = number_facets(hits, before)
-    direction = hits.rays.direction[hits.ray]
+    surfaces, *others = (tuple(band) for band in bands)
+    number, facet = number_facets(hits, surfaces)
+    first = hits.sunlight_per_sr
+    assert first is not None
+    sunlight = [first.copy() for _ in others]
 
     def recolor(k: int, on: np.ndarray) -> None:
-        old, new = (
-            localize_points(surfaces, k, truth, direction[on], facet[on], hits.range_m[on])
-            for surfaces in (before, after)
-        )
-        bright, brighter = (compute_sunlight(points, np.ones(len(on))) for points in (old, new))
-        sunlight[on] *= np.divide(brighter, bright, out=np.zeros(len(on)), where=bright > 0.0)
-        black = np.flatnonzero((bright <= 0.0) & (brighter > 0.0))  # its shadows are not known
-        if len(black):
-            sunlight[on[black]] = compute_sunlight(new.only(black))
+        if all(of_band[k] is surfaces[k] for of_band in others):
+            return
+        points = localize_points(surfaces, k, truth, hits.rays.direction[hits.ray[on]], facet[on], hits.range_m[on])
+        every = np.ones(len(on))
+        bright = compute_sunlight(points, every)
+        visible = np.divide(first[on], bright, out=np.zeros(len(on)), where=bright > 0.0)
+        for of_band, light in zip(others, sunlight, strict=True):
+            if of_band[k] is surfaces[k]:
+                continue
+            other = replace(points, surfaces=of_band)
+            brighter = compute_sunlight(other, every)
+            black = np.flatnonzero((bright <= 0.0) & (brighter > 0.0))  # its shadows are not known
+            light[on] = visible * brighter
+            light[on[black]] = compute_sunlight(other.only(black))
 
-    run_in_threads(threads, lambda piece: recolor(*piece), split_by_surface(number, len(before), BAND_RAYS))
-    return replace(hits, sunlight_per_sr=sunlight)
+    if others:
+        pieces = split_by_surface(number, len(surfaces), BAND_RAYS)
+        run_in_threads(threads, lambda piece: recolor(*piece), pieces)
+    return [hits, *(replace(hits, sunlight_per_sr=light) for light in sunlight)]
 
 
 def _find_sun(points: LocalHits) -> np.ndarray:
     """Return the unit vector to the Sun (xyz) in the surface's axes."""
     sun = np.asarray(points.truth.sun_direction, dtype=float)
-    to_sun: np.ndarray = rotate_vectors(points.truth.poses.place(points.surface.name, ROOT)[1], sun / np.linalg.norm(sun))
+    to_sun: np.ndarray = rotate_vectors(
+        points.truth.poses.place(points.surface.name, ROOT)[1], sun / np.linalg.norm(sun)
+    )
     return to_sun
 
 
 def _measure_penumbrae_m(points: LocalHits) -> np.ndarray:
     """Measure half the width on the surface of penumbrae at points in shadow (hit) [m]; 0 for points that face away."""
     to_sun = _find_sun(points)
-    cosine = np.maximum(to_sun @ points.facing, 0.0)
+    cosine = np.maximum(dot(points.facing, to_sun), 0.0)
     occluder_m = find_occluders_m(points, cosine > 0.0, np.repeat(to_sun[:, None], len(cosine), axis=1))
     reach_m = SUN_RADIUS_RAD * np.where(np.isfinite(occluder_m), occluder_m, 0.0)
     width_m: np.ndarray = reach_m / np.maximum(cosine, _LEAST_COSINE)
@@ -146,15 +155,13 @@ def _mark(hits: Hits, some: np.ndarray) -> np.ndarray:
 
 
 def _widen(mask: np.ndarray) -> np.ndarray:
-    """Return the pixels (row, col) beside those in a mask, by up to `_BESIDE` rows and columns."""
+    """Return the pixels (row, col) of a mask and those beside them."""
     wide = mask.copy()
-    for step in range(1, _BESIDE + 1):
-        wide[:, step:] |= mask[:, :-step]
-        wide[:, :-step] |= mask[:, step:]
+    wide[:, 1:] |= mask[:, :-1]
+    wide[:, :-1] |= mask[:, 1:]
     wider = wide.copy()
-    for step in range(1, _BESIDE + 1):
-        wider[step:] |= wide[:-step]
-        wider[:-step] |= wide[step:]
+    wider[1:] |= wide[:-1]
+    wider[:-1] |= wide[1:]
     return wider
 
 
@@ -173,25 +180,21 @@ def _find_visible_share(hits: LocalHits, number: np.ndarray) -> np.ndarray:
     upward = np.cross(to_sun, across)
 
     def count(radius: np.ndarray, angle: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        """Count the points (asked) that something hides, at a share of the Sun's radius (point) and an angle (point) [rad]."""
+        """Count the points (hit) that something hides, at a share of the Sun's radius (point) and an angle (point) [rad]."""
         sine, turned = radius * SUN_RADIUS_RAD, (_GOLDEN_RAD * number[asked])[:, None] + angle
         toward = np.empty((3, turned.size))
         aside, above = (sine * np.cos(turned)).ravel(), (sine * np.sin(turned)).ravel()
         for axis in range(3):
             toward[axis] = to_sun[axis] + aside * across[axis] + above * upward[axis]
         toward /= np.sqrt(1.0 + np.tile(sine * sine, len(asked)))
-        hidden = np.zeros(turned.size)
-        every = np.ones(turned.size, bool)
-        from_hits = replace(
-            hits,
-            point=np.repeat(hits.point[:, asked], len(angle), axis=1),
-            facing=np.repeat(hits.facing[:, asked], len(angle), axis=1),
-        )
-        hidden[find_shadowed(from_hits, every, toward, np.full(turned.size, np.inf))] = 1.0
+        hidden, every = np.zeros(turned.size), np.ones(turned.size, bool)
+        point, facing = (np.repeat(of_hit[:, asked], len(angle), axis=1) for of_hit in (hits.point, hits.facing))
+        starts = replace(hits, point=point, facing=facing)  # a shadow ray needs no more of a hit
+        hidden[find_shadowed(starts, every, toward, np.full(turned.size, np.inf))] = 1.0
         total: np.ndarray = hidden.reshape(turned.shape).sum(axis=1)
         return total
 
-    visible, up = np.zeros(len(number)), np.flatnonzero((to_sun @ hits.facing > 0.0) & (hits.cos_out > 0.0))
+    visible, up = np.zeros(len(number)), np.flatnonzero((dot(hits.facing, to_sun) > 0.0) & (hits.cos_out > 0.0))
     of_rim = count(np.full(_RIM_POINTS, _RIM), np.arange(_RIM_POINTS) * (2.0 * np.pi / _RIM_POINTS), up)
     visible[up] = of_rim == 0.0
     mixed = up[(of_rim > 0.0) & (of_rim < _RIM_POINTS)]
