@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +16,10 @@ from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, list_names
 from rso_lidar.dataset.reading.random_access import SPEC_FILE, Dataset, Split
-from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame
+from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame, list_entries
 from rso_lidar.dataset.shards.shard_file import hash_file, list_drafts
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, RsoLidarError, suppress_warnings
-from rso_lidar.records import specs
 from rso_lidar.scenario import list_dynamics
 
 
@@ -244,10 +244,10 @@ def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.
 def _compare(split: Split, row: int, frame: LabelledFrame, drawn: list[float], names: tuple[str, ...]) -> list[str]:
     """Return the names of the arrays in which a frame differs from the one in its shard."""
     stored = split[row]
-    arrays = {name: getattr(frame, name) for name in specs(LabelledFrame)}
+    arrays: dict[str, Any] = {**list_entries(frame)}
     arrays |= {VARIABLE_PREFIX + name: value for name, value in zip(names, drawn, strict=True)}
     return [
         name
         for name, value in arrays.items()
-        if value is not None and np.asarray(value, stored[name].dtype).tobytes() != np.asarray(stored[name]).tobytes()
+        if np.asarray(value, stored[name].dtype).tobytes() != np.asarray(stored[name]).tobytes()
     ]

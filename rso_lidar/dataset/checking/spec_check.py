@@ -113,7 +113,7 @@ def check_spec(
     statistics = LabelStatistics(_collect(flown), plan.classes)
     with make_temporary_folder() as folder:
         file = Path(folder, "shard.h5")
-        write_shard(file, flown, numbers, list_names(plan), dataset=plan.sha256)
+        write_shard(file, zip(flown, numbers, strict=True), list_names(plan), dataset=plan.sha256)
         frame_bytes = file.stat().st_size / len(flown)
     per_frame = float(np.median(took_s)) / plan.spec.frames_per_sample
     return SpecCheck(plan, statistics, _compare_drawn(plan, _DRAWN // part), per_frame, frame_bytes)

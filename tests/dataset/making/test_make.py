@@ -72,7 +72,7 @@ def test_no_documented_pattern_matches_a_shard_that_is_being_written(original, t
         write_array(*given)
 
     monkeypatch.setattr(shard_file, "_write_array", watch)
-    shard_file.write_shard(folder / "train/000000.h5", [make_frame(0)], [{}], (), dataset=SHA256)
+    shard_file.write_shard(folder / "train/000000.h5", [(make_frame(0), {})], (), dataset=SHA256)
     assert seen == {"000000.h5.part"} and not list(folder.rglob("*.part*"))
     (folder / "train" / "000000.h5.part").write_bytes(b"killed")
     assert "ignored: temporary files of running or killed runs: 1, such as" in check_folder(folder).describe()
