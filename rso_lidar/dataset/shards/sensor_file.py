@@ -70,8 +70,10 @@ def write_constants(folder: Path, constants: Constants) -> None:
                 group = file.create_group(f"sensors/{name}")
                 group.attrs["lidar"] = constants.lidars[name]
                 _write_sight(group, constants.line_of_sight[name], "lidar")
-                for camera, entry in constants.cameras.get(name, {}).items():
-                    beside = group.create_group(f"{_CAMERAS}/{camera}", track_order=True)
+                cameras = constants.cameras.get(name, {})
+                of_cameras = group.create_group(_CAMERAS, track_order=True) if cameras else None
+                for camera, entry in cameras.items():
+                    beside = of_cameras.create_group(camera)
                     beside.attrs["camera"] = entry.table
                     _write_sight(beside, entry.line_of_sight, "camera", compression="gzip", shuffle=True)
         write_text(folder / SENSOR_HASH, f"{hash_file(draft)}  {SENSOR_FILE}\n", overwrite=True)
