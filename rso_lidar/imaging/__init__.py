@@ -6,7 +6,7 @@ from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
     from rso_lidar.imaging.camera import AutoExposure, Band, Camera, CameraLens
-    from rso_lidar.imaging.exposure import Flash, NaturalLight, take_image
+    from rso_lidar.imaging.exposure import Flash, NaturalLight, read_image, take_image
     from rso_lidar.imaging.image_sensor import ImageSensor
     from rso_lidar.imaging.stars import StarCatalogue, load_stars
 else:
@@ -22,6 +22,7 @@ __all__ = [
     "NaturalLight",
     "StarCatalogue",
     "load_stars",
+    "read_image",
     "take_image",
 ]
 

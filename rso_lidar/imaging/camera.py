@@ -12,7 +12,7 @@ from rso_lidar import units
 from rso_lidar.imaging.image_sensor import ImageSensor
 from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.part import Count, Flag, Fraction, Name, NotNegative, Number, Part, Positive
+from rso_lidar.part import Count, Flag, Fraction, Name, NotNegative, Number, Part, Positive, Whole
 
 # Bands by name. The quantum efficiencies are assumed: those of a front-side illuminated CMOS sensor.
 _GREY = {"name": "grey", "wavelength_nm": 575.0, "width_nm": 350.0, "quantum_efficiency": 0.45}
@@ -149,6 +149,13 @@ class Camera(Part):
     )
     has_penumbra: Flag = Field(
         default=True, description="Whether shadows are as soft as the Sun's disc makes them. Default: a choice."
+    )
+    pattern_seed: Whole = Field(
+        default=0,
+        ge=0,
+        lt=2**63,
+        description="Random seed of what is fixed in this camera: sensitivity and dark current of each pixel. It is "
+        "independent of the scenario's seed. Default: a choice.",
     )
 
     @field_validator("bands", mode="before")

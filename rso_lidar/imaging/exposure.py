@@ -16,7 +16,6 @@ import numpy as np
 
 from rso_lidar import optics, sampling, scene, units
 from rso_lidar.imaging.camera import AutoExposure, Band, Camera, CameraLens
-from rso_lidar.imaging.image_sensor import draw_pattern
 from rso_lidar.imaging.stars import image_stars, spread_stars
 from rso_lidar.optics import Laser
 from rso_lidar.pose import ROOT, cross, length
@@ -67,7 +66,6 @@ def take_image(
     natural: NaturalLight,
     flash: Flash | None,
     rng: np.random.Generator,
-    pattern_seed: int,
     threads: int | None = None,
 ) -> tuple[CameraImage, CameraLabels]:
     """Take the image of one camera about a laser flash.
@@ -80,7 +78,6 @@ def take_image(
     natural : Earth and Moon
     flash : the lidar's light; None for none
     rng : source of the noise of this image
-    pattern_seed : random seed of what differs from pixel to pixel, the same for all images of a run
     threads : number of threads (None: one per core). The result is the same to the bit
 
     Returns
@@ -103,10 +100,26 @@ def take_image(
     electrons = image_m2 * (per_m2_s * exposure_s)
     if flash is not None:
         electrons = electrons + _gather_flash(camera, truth, view, flash, light.hits, start_s, exposure_s, threads)
-    response, dark = draw_pattern(camera.sensor, camera.shape, pattern_seed)
-    expected = electrons * response + camera.sensor.dark_electrons_per_s * exposure_s * dark
-    image = CameraImage(intensity_counts=camera.sensor.read(expected, rng), exposure_s=np.asarray(exposure_s))
-    return image, _label(light.hits, electrons)
+    labels = _label(light.hits, electrons)
+    return read_image(camera, labels.electrons, exposure_s, rng), labels
+
+
+def read_image(camera: Camera, electrons: np.ndarray, exposure_s: float, rng: np.random.Generator) -> CameraImage:
+    """Draw the image that the sensor of a camera makes of the light in its pixels.
+
+    Parameters
+    ----------
+    camera : the camera
+    electrons : (row, col, band), expected electrons of each pixel, as labels hold them
+    exposure_s : time for which each row was exposed [s]
+    rng : source of the noise of this image
+
+    Returns
+    -------
+    CameraImage
+    """
+    counts = camera.sensor.expose(electrons, exposure_s, (camera.pattern_seed, *camera.name.encode()), rng)
+    return CameraImage(intensity_counts=counts, exposure_s=np.asarray(exposure_s))
 
 
 def _expose(

@@ -18,7 +18,7 @@ class ImageSensor(Part):
 
     A pixel collects photoelectrons and dark electrons, both with shot noise, up to its full well. Read noise is added, and
     the sum is converted to counts above the black level, rounded and clipped. Sensitivity and dark current differ from pixel
-    to pixel, the same in all frames of a seed.
+    to pixel, the same in all frames of a camera.
     """
 
     full_well_electrons: Positive = Field(
@@ -65,6 +65,25 @@ class ImageSensor(Part):
         """Electrons of one count."""
         return self.electrons_per_count or self.full_well_electrons / (self.greatest_count - self.black_level_counts)
 
+    def expose(
+        self, electrons: np.ndarray, exposure_s: float, pattern_seed: tuple[int, ...], rng: np.random.Generator
+    ) -> np.ndarray:
+        """Draw what the sensor reports of light: with its fixed pattern, dark current and noise.
+
+        Parameters
+        ----------
+        electrons : (row, col, band), expected electrons of the light in a pixel of mean sensitivity
+        exposure_s : time for which each row was exposed [s]
+        pattern_seed : random seed of what differs from pixel to pixel
+        rng : of this frame
+
+        Returns
+        -------
+        Counts (row, col, band), u2.
+        """
+        response, dark = draw_pattern(self, electrons.shape, pattern_seed)
+        return self.read(electrons * response + self.dark_electrons_per_s * exposure_s * dark, rng)
+
     def read(self, electrons: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Draw what the sensor reports.
 
@@ -87,14 +106,14 @@ class ImageSensor(Part):
 
 
 @lru_cache(maxsize=8)
-def draw_pattern(sensor: ImageSensor, shape: tuple[int, ...], seed: int) -> tuple[np.ndarray, np.ndarray]:
+def draw_pattern(sensor: ImageSensor, shape: tuple[int, ...], seed: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Draw the sensitivity and the dark current of each pixel over their means.
 
     Parameters
     ----------
     sensor : with its nonuniformity
     shape : of the pixels (row, col, band)
-    seed : random seed of this camera, the same for all frames of a run
+    seed : random seed of this camera, the same for all frames
 
     Returns
     -------

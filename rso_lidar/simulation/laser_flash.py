@@ -125,8 +125,28 @@ def take_images(
     images = {}
     for number, camera in enumerate(scenario.cameras):
         surfaces = scenario.camera_surfaces[camera.name]
-        noise, pattern_seed = scenario.rng(index, _CAMERAS + number), scenario.seed_of(camera.name)
-        images[camera.name] = imaging.take_image(camera, truth, surfaces, natural, flash, noise, pattern_seed, threads)
+        noise = scenario.rng(index, _CAMERAS + number)
+        images[camera.name] = imaging.take_image(camera, truth, surfaces, natural, flash, noise, threads)
+    return images
+
+
+def read_images(scenario: Scenario, frame: Frame) -> dict[str, CameraImage]:
+    """Draw the noise of a frame's images again, for the same light and exposures.
+
+    Parameters
+    ----------
+    scenario : of the frame, with the seed of the noise
+    frame : with labels of its images
+
+    Returns
+    -------
+    The image of each camera, by name.
+    """
+    images = {}
+    for number, camera in enumerate(scenario.cameras):
+        light, exposure_s = frame.camera_labels[camera.name].electrons, float(frame.camera[camera.name].exposure_s)
+        noise = scenario.rng(frame.index, _CAMERAS + number)
+        images[camera.name] = imaging.read_image(camera, light, exposure_s, noise)
     return images
 
 

@@ -127,9 +127,8 @@ def make_dataset(folder, shards=SHARDS, make_frame=make_frame):
         (folder / split).mkdir()
         for shard, size in enumerate(sizes):
             place = folder / split / f"{shard:06d}.h5"
-            frames = [make_frame(number + k) for k in range(size)]
-            drawn = [{"lidar.laser.energy_mj": 20.0 + number + k} for k in range(size)]
-            write_shard(place, frames, drawn, ("lidar.laser.energy_mj",), dataset=SHA256)
+            frames = [(make_frame(k), {"lidar.laser.energy_mj": 20.0 + k}) for k in range(number, number + size)]
+            write_shard(place, frames, ("lidar.laser.energy_mj",), dataset=SHA256)
             record = ShardRecord(
                 path=f"{split}/{shard:06d}.h5",
                 frames=size,

@@ -30,9 +30,7 @@ def take(
     direction = np.full(3, np.nan) if sun is None else np.array(sun, dtype=float) / np.linalg.norm(sun)
     truth = Truth(0.0, PoseTree(parents, links), states or {}, direction)
     of_bands = [tuple(surfaces)] * len(camera.bands)
-    image, labels = imaging.take_image(
-        camera, truth, of_bands, natural, flash, np.random.default_rng(seed), 0, threads=1
-    )
+    image, labels = imaging.take_image(camera, truth, of_bands, natural, flash, np.random.default_rng(seed), threads=1)
     return image, labels, camera
 
 

@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rso_lidar.dataset.checking.field_leaks import has_forest, search_fields
 from rso_lidar.dataset.checking.order_leaks import find_order_leaks
-from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics
+from rso_lidar.dataset.checking.statistics import LabelStatistics, list_columns
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, list_names
 from rso_lidar.dataset.reading.random_access import SPEC_FILE, Dataset, Split
-from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame
+from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame, list_entries
 from rso_lidar.dataset.shards.shard_file import hash_file, list_drafts
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, RsoLidarError, suppress_warnings
-from rso_lidar.records import specs
 from rso_lidar.scenario import list_dynamics
 
 
@@ -195,7 +195,8 @@ def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
     if not splits:
         return None
     drawn = [name for name in splits[0].names if name.startswith(VARIABLE_PREFIX)]
-    columns = {name: np.concatenate([split.column(name) for split in splits]) for name in (*COLUMNS, *drawn)}
+    chosen = (*list_columns(splits[0].names), *drawn)
+    columns = {name: np.concatenate([split.column(name) for split in splits]) for name in chosen}
     return LabelStatistics(
         {name.removeprefix(VARIABLE_PREFIX): values for name, values in columns.items()}, dataset.classes
     )
@@ -244,10 +245,10 @@ def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.
 def _compare(split: Split, row: int, frame: LabelledFrame, drawn: list[float], names: tuple[str, ...]) -> list[str]:
     """Return the names of the arrays in which a frame differs from the one in its shard."""
     stored = split[row]
-    arrays = {name: getattr(frame, name) for name in specs(LabelledFrame)}
+    arrays: dict[str, Any] = {**list_entries(frame)}
     arrays |= {VARIABLE_PREFIX + name: value for name, value in zip(names, drawn, strict=True)}
     return [
         name
         for name, value in arrays.items()
-        if value is not None and np.asarray(value, stored[name].dtype).tobytes() != np.asarray(stored[name]).tobytes()
+        if np.asarray(value, stored[name].dtype).tobytes() != np.asarray(stored[name]).tobytes()
     ]

@@ -18,7 +18,7 @@ from rso_lidar.dataset.drawing.sample_order import BLOCK, assign_splits, choose_
 from rso_lidar.dataset.drawing.uniform_numbers import draw_shares
 from rso_lidar.dataset.specification.spec import DatasetSpec, check_model_split
 from rso_lidar.dataset.specification.tables import SPLITS, ClassOfTargets, ModelSplit, RandomSplit
-from rso_lidar.errors import DatasetError, ScenarioError, add_place, did_you_mean, warn
+from rso_lidar.errors import DatasetError, ScenarioError, add_place, did_you_mean
 from rso_lidar.files import convert_path, expand_user
 from rso_lidar.part import parse_toml
 from rso_lidar.scenario import Scenario, apply_setting, read_toml
@@ -99,6 +99,8 @@ class DatasetPlan:
     def sha256(self) -> str:
         """Hash of all inputs of the samples: the specification, the base scenario, the meshes and all other files."""
         own = self.spec.model_dump(exclude_none=True, exclude={"scenario", "set"})  # both are in the tables
+        if not self.spec.labels.camera_electrons:  # a key that earlier versions do not know
+            del own["labels"]["camera_electrons"]
         inputs = [_DRAWING, own, self.mesh_sha256, self.tables, *([self.file_sha256] if self.file_sha256 else [])]
         rule = self.spec.split
         if isinstance(rule, RandomSplit) and (block := choose_block(rule.val, rule.test)) != BLOCK:
@@ -123,10 +125,9 @@ class DatasetPlan:
         return tables
 
     @cached_property
-    def image_shape(self) -> tuple[int, int]:
-        """Rows and columns of the images: those of the first sensor."""
-        receiver = self.build(self.copy_tables(0)).lidar.receiver
-        return receiver.n_rows, receiver.n_cols
+    def image_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of all images, see `find_shapes`: those of the first sensor."""
+        return find_shapes(self.build(self.copy_tables(0)))
 
     @cached_property
     def membership(self) -> Membership:
@@ -250,8 +251,6 @@ def make_plan(
     with add_place(spec.where):
         for setting in spec.set:
             apply_setting(tables, setting)
-        if tables.pop("camera", None):
-            warn(f"scenario: a dataset holds no images of cameras; the [[camera]] of {path.name} is left out")
     trust_code, trust_fmu = trust_code or is_trusted("trust_code", path), trust_fmu or is_trusted("trust_fmu", path)
     folder = files or path.parent
     plan = DatasetPlan(spec, tables, folder, path.name, (), {}, {}, {}, trust_code, trust_fmu)
@@ -267,6 +266,13 @@ def make_plan(
     plan = DatasetPlan(spec, tables, folder, path.name, named, hashes, parts, files_named, trust_code, trust_fmu)
     _check_split(plan)
     return plan
+
+
+def find_shapes(scenario: Scenario) -> dict[str, tuple[int, ...]]:
+    """Return rows and columns of the lidar's images, and rows, columns and bands of each camera's."""
+    receiver = scenario.lidar.receiver
+    cameras = {f"camera {camera.name}": camera.shape for camera in scenario.camera}
+    return {"lidar": (receiver.n_rows, receiver.n_cols), **cameras}
 
 
 def _find_target(spec: DatasetSpec, tables: dict[str, Any]) -> int:

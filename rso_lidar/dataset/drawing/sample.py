@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.dataset.drawing.inputs import name_kinds, name_model
-from rso_lidar.dataset.drawing.plan import DatasetPlan
+from rso_lidar.dataset.drawing.plan import DatasetPlan, find_shapes
 from rso_lidar.dataset.drawing.uniform_numbers import HaltonPoints, draw_seed, draw_shares
 from rso_lidar.dataset.specification.distributions import Choice, UniformDirection, UniformRotation
 from rso_lidar.dataset.specification.spec import DatasetSpec
@@ -144,14 +144,18 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
 
 
 def _check_shape(scenario: Scenario, plan: DatasetPlan) -> None:
-    """Raise `DatasetError` for images of another size than those of the first sensor."""
-    receiver = scenario.lidar.receiver
-    if (receiver.n_rows, receiver.n_cols) != plan.image_shape:
-        rows, cols = plan.image_shape
+    """Raise `DatasetError` for images of another size than those of the first sensor, or of other cameras."""
+    shapes, wanted = find_shapes(scenario), plan.image_shapes
+    if unlike := sorted(shapes.keys() ^ wanted.keys()):
         raise DatasetError(
-            f"lidar.receiver: has {receiver.n_rows} x {receiver.n_cols} pixels, and the first sensor {rows} x {cols}; all "
-            "images of a dataset are of one size"
+            f"{unlike[0]}: takes images in some samples and in others not; name the same cameras in all of them"
         )
+    for name, shape in shapes.items():
+        if shape != wanted[name]:
+            have, first = (" x ".join(map(str, sizes)) for sizes in (shape, wanted[name]))
+            raise DatasetError(
+                f"{name}: has {have} pixels, and with the first sensor {first}; all images of a dataset are of one size"
+            )
 
 
 def _choose_target(

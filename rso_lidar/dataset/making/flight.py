@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import detector
-from rso_lidar.dataset.annotation.frame_labels import label_frame
+from rso_lidar.dataset.annotation.frame_labels import find_box, label_frame, number_part_classes
 from rso_lidar.dataset.annotation.part_visibility import measure_part_visibility
 from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.sample import Sample, draw_sample
-from rso_lidar.dataset.shards.layout import LabelledFrame
+from rso_lidar.dataset.shards.layout import LabelledFrame, LabelledImage
 from rso_lidar.dataset.specification.tables import OptionalLabels
 from rso_lidar.pose import ROOT, rotate_vectors
-from rso_lidar.records import Command, Frame, Observation
+from rso_lidar.records import PART_CLASSES, Command, Frame, Observation
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation import DETECTION, flash, simulate
+from rso_lidar.simulation import DETECTION, flash, read_images, simulate
 from rso_lidar.track import Pointing
+from rso_lidar.units import MS
 
 
 def list_kept(labels: OptionalLabels) -> tuple[str, ...]:
@@ -91,7 +92,7 @@ def _draw_again(plan: DatasetPlan, sample: Sample, frame: Frame, command: Comman
     """Make a frame again from the same poses, with the noise of another seed.
 
     If nothing before the detector is random, the light of the first draw is detected again. Otherwise the whole flash is
-    made again, because jitter of the pulse and random paths of bounces are noise too.
+    made again, because jitter of the pulse and random paths of bounces are noise too. Cameras read the same light again.
     """
     scenario = sample.scenario
     lidar = scenario.instrument.at(frame.time_s, command)
@@ -99,10 +100,15 @@ def _draw_again(plan: DatasetPlan, sample: Sample, frame: Frame, command: Comman
     if lidar.bounces > 1 or lidar.laser.has_jitter:
         kept = list_kept(plan.spec.labels)
         again = flash(scenario, frame.truth, rng, 1, lidar=lidar, index=frame.index, keep=kept)
-        return _predict(plan, sample, again, command)
-    photons: Any = frame.kept["photons"]
-    reading, _ = detector.detect(photons, lidar.detector, rng, 1)
-    return replace(frame, observation=replace(frame.observation, reading=reading))
+        again = _predict(plan, sample, again, command)
+    else:
+        photons: Any = frame.kept["photons"]
+        reading, _ = detector.detect(photons, lidar.detector, rng, 1)
+        again = replace(frame, observation=replace(frame.observation, reading=reading))
+    if not scenario.camera:
+        return again
+    images = read_images(scenario.replace(seed=seed), again)
+    return replace(again, observation=replace(again.observation, camera=images))
 
 
 def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int) -> LabelledFrame:
@@ -116,10 +122,7 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
     """
     scenario, labels = sample.scenario, frame.labels
     labelling = label_frame(frame, scenario, sample.target)
-    position, quaternion = np.full(3, np.nan), np.full(4, np.nan)
-    if sample.target is not None:
-        seen = frame.truth.pose("lidar", scenario.target[sample.target].name)
-        position, quaternion = np.asarray(seen.translation), seen.rotation.as_quat(canonical=True)
+    position, quaternion = _find_pose(sample, frame, "lidar")
     sun = rotate_vectors(frame.truth.pose("lidar", ROOT).rotation, frame.truth.sun_direction)
     optional: dict[str, Any] = {}
     if plan.spec.labels.prediction:
@@ -159,8 +162,54 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
         intrinsics_px=_find_intrinsics(scenario, frame),
         sun_direction=sun,
         part_light_fraction=labelling.part_light_fraction,
+        camera=_label_images(plan, sample, frame),
         **optional,
     )
+
+
+def _label_images(plan: DatasetPlan, sample: Sample, frame: Frame) -> dict[str, LabelledImage]:
+    """Label the images of the cameras beside the lidar, by name."""
+    images: dict[str, LabelledImage] = {}
+    class_of = number_part_classes(sample.scenario.source, tuple(PART_CLASSES))
+    for camera in sample.scenario.camera:
+        image, labels = frame.camera[camera.name], frame.camera_labels[camera.name]
+        position, quaternion = _find_pose(sample, frame, camera.name)
+        hit = np.nonzero(labels.target >= 0)  # mostly a small part of the pixels
+        target, part = labels.target[hit], labels.part[hit]
+        bodies, classes = np.full(labels.target.shape, -1, np.int8), np.full(labels.target.shape, -1, np.int8)
+        bodies[hit], classes[hit] = number_bodies(target, sample.target), class_of[target, part]
+        on_target = (bodies == 0) & (sample.target is not None)
+        is_full = image.intensity_counts.max(axis=2) == camera.sensor.greatest_count
+        focal_px = camera.lens.focal_length_m / camera.lens.pixel_pitch_m
+        images[camera.name] = LabelledImage(
+            intensity_counts=image.intensity_counts,
+            target=bodies,
+            part=labels.part,
+            part_class_id=classes,
+            range_m=labels.range_m,
+            filled_fraction=labels.filled_fraction,
+            exposure_s=image.exposure_s,
+            start_s=camera.start_ms * MS,  # type: ignore[arg-type]  # records take what becomes an array
+            position_m=position,
+            quaternion_xyzw=quaternion,
+            target_pixels=int(on_target.sum()),  # type: ignore[arg-type]
+            target_electrons=float(labels.electrons[on_target].sum(dtype=float)),  # type: ignore[arg-type]
+            full_pixels=int(is_full.sum()),  # type: ignore[arg-type]
+            box_px=find_box(on_target),
+            intrinsics_px=np.array(
+                [focal_px, focal_px, 0.5 * (camera.lens.n_cols - 1), 0.5 * (camera.lens.n_rows - 1)]
+            ),
+            electrons=labels.electrons if plan.spec.labels.camera_electrons else None,
+        )
+    return images
+
+
+def _find_pose(sample: Sample, frame: Frame, axes: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return position [m] and quaternion of the sample's target in some axes at the flash; NaN without a target."""
+    if sample.target is None:
+        return np.full(3, np.nan), np.full(4, np.nan)
+    pose = frame.truth.pose(axes, sample.scenario.target[sample.target].name)
+    return np.asarray(pose.translation), pose.rotation.as_quat(canonical=True)
 
 
 def number_bodies(target: np.ndarray, own: int | None) -> np.ndarray:

@@ -12,7 +12,14 @@ from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.reading.random_access import SPEC_FILE
 from rso_lidar.dataset.shards.manifest import MANIFEST, ShardRecord, read_manifest
-from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE, SENSOR_HASH, Constants, read_constants, write_constants
+from rso_lidar.dataset.shards.sensor_file import (
+    SENSOR_FILE,
+    SENSOR_HASH,
+    CameraConstants,
+    Constants,
+    read_constants,
+    write_constants,
+)
 from rso_lidar.dataset.shards.shard_file import list_drafts
 from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError
@@ -83,11 +90,17 @@ def _check_joined(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
 
 def list_constants(plan: DatasetPlan) -> Constants:
     """List the names and constants of a dataset."""
-    lidars, lines = {}, {}
+    lidars, lines, cameras = {}, {}, {}
     for k, name in enumerate(plan.sensors):
         scenario = plan.build(plan.copy_tables(k))
         lidars[name] = json.dumps(scenario.lidar.model_dump(mode="json", exclude_none=True))
         lines[name] = scenario.instrument.receiver.line_of_sight
+        cameras[name] = {
+            camera.name: CameraConstants(
+                json.dumps(camera.model_dump(mode="json", exclude_none=True)), resolved.lens.line_of_sight
+            )
+            for camera, resolved in zip(scenario.camera, scenario.cameras, strict=True)
+        }
     return Constants(
         sha256=plan.sha256,
         title=plan.spec.name,
@@ -101,6 +114,7 @@ def list_constants(plan: DatasetPlan) -> Constants:
         line_of_sight=lines,
         lidars=lidars,
         file_sha256=plan.file_sha256,
+        cameras=cameras,
     )
 
 

@@ -171,13 +171,9 @@ def make_shard(plan: DatasetPlan, folder: Path, place: ShardPlace) -> ShardRecor
     ----------
     place : of the shard, with the numbers of its samples, so that a worker need not assign all samples to splits
     """
-    frames, drawn = [], []
-    with suppress_warnings():
-        for index in place.samples.tolist():
-            for frame, numbers in fly_sample(plan, draw_sample(plan, index)):
-                frames.append(frame)
-                drawn.append(numbers)
     path = folder / place.path
-    write_shard(path, frames, drawn, list_names(plan), dataset=plan.sha256)
+    with suppress_warnings():
+        flown = (pair for index in place.samples.tolist() for pair in fly_sample(plan, draw_sample(plan, index)))
+        count = write_shard(path, flown, list_names(plan), dataset=plan.sha256)
     versions = json.dumps({name: importlib.metadata.version(name) for name in _LIBRARIES})
-    return ShardRecord(place.path, len(frames), len(place.samples), path.stat().st_size, hash_file(path), versions)
+    return ShardRecord(place.path, count, len(place.samples), path.stat().st_size, hash_file(path), versions)

@@ -79,6 +79,11 @@ class Dataset:
         return self.constants.sensors
 
     @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the cameras beside the lidar. Their arrays are named ``camera.<name>.<field>``."""
+        return tuple(self.constants.cameras.get(self.sensors[0], {}))
+
+    @property
     def part_classes(self) -> tuple[str, ...]:
         """Names of the common part classes, which `part_class_id` numbers."""
         return self.constants.part_classes

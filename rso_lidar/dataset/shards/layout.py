@@ -1,7 +1,9 @@
-"""The arrays of a shard: one labelled frame as a record, which states dims, dtype, unit and meaning of each array."""
+"""The arrays of a shard: one labelled frame as records, which state dims, dtype, unit and meaning of each array."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from rso_lidar.records import ArraySpec, Record, array, specs
 
 VARIABLE_PREFIX = "variable."  # of the arrays that hold drawn numbers
+_CAMERA_PREFIX = "camera."  # of the arrays of images of cameras: camera.<name>.<field>
 _COMPONENTS = {  # names of the components of the vectors that a view draws
     "view.offset_fraction": ("right", "down"),
     "view.attitude": ("x", "y", "z", "w"),
@@ -18,11 +21,56 @@ _COMPONENTS = {  # names of the components of the vectors that a view draws
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class LabelledImage(Record):
+    """Image of one camera beside the lidar with its labels. Its arrays in a shard are named ``camera.<name>.<field>``.
+
+    Poses are camera_from_target of the sample's target at the laser flash; pixels are labelled at the middle of the
+    exposure, by the part that covers most of each. In a frame without a target, labels of the target are NaN, -1 or 0.
+    """
+
+    intensity_counts: np.ndarray = array("row col band", "u2", "count", "output of the sensor, black level included")
+    target: np.ndarray = array(
+        "row col",
+        "i1",
+        "1",
+        "0 for the sample's target, from 1 for other bodies of the scenario in their order, -1 for sky",
+    )
+    part: np.ndarray = array("row col", "i2", "1", "index of the part among those of its model, -1 for sky")
+    part_class_id: np.ndarray = array("row col", "i1", "1", "index of the common part class, -1 for sky")
+    range_m: np.ndarray = array("row col", "f4", "m", "true slant distance from the camera's origin, NaN for sky")
+    filled_fraction: np.ndarray = array("row col", "f4", "1", "share of the pixel's area that is on a body")
+    exposure_s: np.ndarray = array("", "f8", "s", "time for which each row was exposed")
+    start_s: np.ndarray = array("", "f8", "s", "start of the first row's exposure after the laser flash")
+    position_m: np.ndarray = array("xyz", "f8", "m", "position of the target's origin in camera axes")
+    quaternion_xyzw: np.ndarray = array("quaternion", "f8", "1", "unit quaternion camera_from_target, w at least 0")
+    target_pixels: np.ndarray = array("", "i4", "1", "pixels on the target")
+    target_electrons: np.ndarray = array("", "f4", "1", "expected electrons of the pixels on the target, in all bands")
+    full_pixels: np.ndarray = array("", "i4", "1", "pixels at the greatest count, in any band")
+    box_px: np.ndarray = array(
+        "edge", "i2", "1", "first row and column, last row and column of the pixels on the target; -1 where none is"
+    )
+    intrinsics_px: np.ndarray = array(
+        "intrinsic",
+        "f8",
+        "1",
+        "fx, fy, cx, cy in pixels, (0, 0) the centre of the first; distortion is in the sensor file",
+    )
+    electrons: np.ndarray | None = array(
+        "row col band",
+        "f4",
+        "1",
+        "expected electrons in each pixel, before the full well and without noise",
+        optional=True,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class LabelledFrame(Record):
     """One frame of a dataset with its labels. In a shard every array has the frame as its first dimension.
 
     Part classes are those that all models share. Poses are lidar_from_target of the sample's target; other bodies are
-    clutter. In a frame without a target, labels of the target are NaN, -1 or 0.
+    clutter. In a frame without a target, labels of the target are NaN, -1 or 0. `camera` holds the images of the cameras
+    beside the lidar, by name.
     """
 
     range_m: np.ndarray = array("row col", "f4", "m", "measured slant range, NaN where nothing was reported")
@@ -80,6 +128,37 @@ class LabelledFrame(Record):
     oversampled_photons: np.ndarray | None = array(
         "fine_row fine_col", "f4", "1", "expected photons on the finer grid of rays", optional=True
     )
+    camera: Mapping[str, LabelledImage] = dataclasses.field(default_factory=dict)
+
+
+def list_entries(frame: LabelledFrame) -> dict[str, np.ndarray]:
+    """Return what a shard holds of a frame, by the names of its arrays."""
+    entries = {name: getattr(frame, name) for name in specs(LabelledFrame)}
+    for camera, image in frame.camera.items():
+        entries |= {name_camera_array(camera, field): getattr(image, field) for field in specs(LabelledImage)}
+    return {name: entry for name, entry in entries.items() if entry is not None}
+
+
+def name_camera_array(camera: str, field: str) -> str:
+    """Return the name of the array that holds a field of a camera's images."""
+    return f"{_CAMERA_PREFIX}{camera}.{field}"
+
+
+def find_camera(name: str) -> tuple[str, str] | None:
+    """Return the camera and the field of an array, or None for an array that is of no camera.
+
+    >>> find_camera("camera.nav.exposure_s"), find_camera("range_m")
+    (('nav', 'exposure_s'), None)
+    """
+    if not name.startswith(_CAMERA_PREFIX):
+        return None
+    camera, _, field = name.removeprefix(_CAMERA_PREFIX).partition(".")
+    return camera, field
+
+
+def list_cameras(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the cameras of which there are arrays among those of a shard, each once."""
+    return tuple(dict.fromkeys(place[0] for name in names if (place := find_camera(name)) is not None))
 
 
 def describe_array(name: str) -> ArraySpec:
@@ -90,6 +169,8 @@ def describe_array(name: str) -> ArraySpec:
         if vector in _COMPONENTS:
             place = f"{vector}, component {_COMPONENTS[vector][int(number)]}"
         return ArraySpec((), np.dtype("f8"), "1", f"drawn value of {place}, in its unit; NaN where it is not drawn")
+    if (of_camera := find_camera(name)) is not None:
+        return specs(LabelledImage)[of_camera[1]]
     return specs(LabelledFrame)[name]
 
 

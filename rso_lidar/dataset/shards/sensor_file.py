@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,15 @@ from rso_lidar.files import write_atomically, write_text
 
 SENSOR_FILE = "sensor.h5"
 SENSOR_HASH = "sensor.h5.sha256"  # as `sha256sum` writes it; libhdf5 may read wrong numbers from a damaged file
+_CAMERAS = "cameras"  # group of the cameras beside a sensor
 _LISTS = ("classes", "models", "sensors", "part_classes", "splits")
+
+
+class CameraConstants(NamedTuple):
+    """A camera beside the lidar: its table as JSON, and the unit vectors (row, col, xyz) of its pixels in camera axes."""
+
+    table: str
+    line_of_sight: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -26,7 +34,8 @@ class Constants:
 
     `model_parts` holds the part names of each model, and `symmetries` the symmetry of each model as a table, or None.
     `line_of_sight` (row, col, xyz) holds the unit vectors of each sensor in lidar axes, and `lidars` the table of each
-    instrument as JSON. `file_sha256` holds the hash of each file that the scenario names, other than meshes.
+    instrument as JSON. `file_sha256` holds the hash of each file that the scenario names, other than meshes. `cameras`
+    holds the cameras beside each sensor by name.
     """
 
     sha256: str
@@ -41,6 +50,7 @@ class Constants:
     line_of_sight: Mapping[str, np.ndarray]
     lidars: Mapping[str, str]
     file_sha256: Mapping[str, str] = field(default_factory=dict)
+    cameras: Mapping[str, Mapping[str, CameraConstants]] = field(default_factory=dict)
 
 
 def write_constants(folder: Path, constants: Constants) -> None:
@@ -59,10 +69,21 @@ def write_constants(folder: Path, constants: Constants) -> None:
             for name in constants.sensors:
                 group = file.create_group(f"sensors/{name}")
                 group.attrs["lidar"] = constants.lidars[name]
-                array = group.create_dataset("line_of_sight", data=constants.line_of_sight[name].astype("f8"))
-                array.attrs["units"], array.attrs["dims"] = "1", "row col xyz"
-                array.attrs["long_name"] = "unit vector of each pixel's centre in lidar axes"
+                _write_sight(group, constants.line_of_sight[name], "lidar")
+                cameras = constants.cameras.get(name, {})
+                of_cameras = group.create_group(_CAMERAS, track_order=True) if cameras else None
+                for camera, entry in cameras.items():
+                    beside = of_cameras.create_group(camera)
+                    beside.attrs["camera"] = entry.table
+                    _write_sight(beside, entry.line_of_sight, "camera", compression="gzip", shuffle=True)
         write_text(folder / SENSOR_HASH, f"{hash_file(draft)}  {SENSOR_FILE}\n", overwrite=True)
+
+
+def _write_sight(group: Any, line_of_sight: np.ndarray, axes: str, **options: Any) -> None:
+    """Write the unit vectors (row, col, xyz) of pixels; `axes` names the axes in words."""
+    array = group.create_dataset("line_of_sight", data=line_of_sight.astype("f8"), **options)
+    array.attrs["units"], array.attrs["dims"] = "1", "row col xyz"
+    array.attrs["long_name"] = f"unit vector of each pixel's centre in {axes} axes"
 
 
 def read_constants(folder: Path) -> Constants:
@@ -86,11 +107,14 @@ def read_constants(folder: Path) -> Constants:
                 )
             lists = {name: _load_names(file.attrs[name]) for name in _LISTS}
             groups = {name: file[f"sensors/{name}"] for name in lists["sensors"]}
-            for group in groups.values():
+            beside = {name: dict(group.get(_CAMERAS, {})) for name, group in groups.items()}
+            for group in (*groups.values(), *(camera for cameras in beside.values() for camera in cameras.values())):
                 check_declared_size(group["line_of_sight"])
             lidars = {name: str(group.attrs["lidar"]) for name, group in groups.items()}
+            cameras = {name: {camera: _read_camera(beside[name][camera]) for camera in beside[name]} for name in beside}
             tables = [json.loads(file.attrs["symmetries"]), json.loads(file.attrs.get("file_sha256", "{}"))]
-            for table in (*tables, *map(json.loads, lidars.values())):
+            texts = [*lidars.values(), *(camera.table for entries in cameras.values() for camera in entries.values())]
+            for table in (*tables, *map(json.loads, texts)):
                 if not isinstance(table, dict):
                     raise ValueError(f"{table!r:.40} is not a table")
             if missing := {*lists["models"]} - tables[0].keys():
@@ -104,6 +128,7 @@ def read_constants(folder: Path) -> Constants:
                 file_sha256=tables[1],
                 line_of_sight={name: np.asarray(group["line_of_sight"]) for name, group in groups.items()},
                 lidars=lidars,
+                cameras=cameras,
             )
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         if isinstance(error, DatasetError):
@@ -111,6 +136,11 @@ def read_constants(folder: Path) -> Constants:
         raise DatasetError(
             f"{place}: is damaged ({' '.join(str(error).split()):.80}); delete it, and make with --resume"
         ) from None
+
+
+def _read_camera(group: Any) -> CameraConstants:
+    """Read a camera beside a sensor from its group."""
+    return CameraConstants(str(group.attrs["camera"]), np.asarray(group["line_of_sight"]))
 
 
 def _load_names(text: str) -> tuple[str, ...]:

@@ -11,44 +11,36 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame, describe_array
+from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame, describe_array, is_image, list_entries
 from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError
 from rso_lidar.export import ImageEncoder, open_checked
 from rso_lidar.files import check_regular, explain_unreadable, write_atomically
-from rso_lidar.records import specs
 
 CONVENTIONS = "rso_lidar dataset 1"
-_IMAGE_DIMENSIONS = 2
 _BLOCK = 2**20  # bytes of a file that are read at once
 
 
 def write_shard(
-    path: Path,
-    frames: Iterable[LabelledFrame],
-    variables: Sequence[Mapping[str, float]],
-    names: Sequence[str],
-    *,
-    dataset: str,
-) -> None:
-    """Write a shard, completely or not at all. Equal frames give equal bytes.
+    path: Path, frames: Iterable[tuple[LabelledFrame, Mapping[str, float]]], names: Sequence[str], *, dataset: str
+) -> int:
+    """Write a shard, completely or not at all, and return the number of its frames. Equal frames give equal bytes.
 
     Parameters
     ----------
     path : of the file; an existing one is replaced
-    variables : (frame) drawn numbers by name
+    frames : each frame with its drawn numbers by name. Only the compressed images of the frames are kept in memory
     names : of all numbers that the dataset draws
     dataset : hash of the dataset that the shard belongs to
     """
-    rows = list(frames)
-    arrays: dict[str, list[np.ndarray]] = {}
-    for name in specs(LabelledFrame):
-        entries = [getattr(row, name) for row in rows]
-        if entries[0] is not None:
-            arrays[name] = entries
-    for name in names:
-        arrays[VARIABLE_PREFIX + name] = list(np.array([variable.get(name, np.nan) for variable in variables], float))
-    write_arrays(path, arrays, dataset=dataset)
+    columns = _Columns()
+    count = 0
+    for frame, drawn in frames:
+        count += 1
+        columns.add(list_entries(frame))
+        columns.add({VARIABLE_PREFIX + name: np.array(drawn.get(name, np.nan), float) for name in names})
+    columns.write(path, dataset)
+    return count
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Sequence[np.ndarray]], *, dataset: str) -> None:
@@ -57,31 +49,69 @@ def write_arrays(path: Path, arrays: Mapping[str, Sequence[np.ndarray]], *, data
     Parameters
     ----------
     path : of the file; an existing one is replaced
-    arrays : entries (frame) of arrays of `LabelledFrame` and of drawn numbers, by name
+    arrays : entries (frame) of arrays of `LabelledFrame`, of `LabelledImage` and of drawn numbers, by name
     dataset : hash of the dataset that the shard belongs to
     """
-    import h5py
-
-    with write_atomically(path, keep_suffix=False) as draft:
-        with h5py.File(draft, "w", libver=("v110", "v110")) as file:
-            file.attrs["Conventions"] = CONVENTIONS
-            file.attrs["dataset_sha256"] = dataset
-            for name, entries in arrays.items():
-                _write_array(file, name, entries)
-        with draft.open("rb") as written:  # before the rename, so that a crash of the machine leaves no partial shard
-            os.fsync(written.fileno())
+    columns = _Columns()
+    for name, entries in arrays.items():
+        for entry in entries:
+            columns.add({name: entry})
+    columns.write(path, dataset)
 
 
-def _write_array(file: Any, name: str, entries: Sequence[np.ndarray]) -> None:
-    """Write one array of a shard."""
+class _Columns:
+    """Arrays of a shard that grow by an entry for each frame. Images are kept as the file holds them, compressed."""
+
+    def __init__(self) -> None:
+        self._entries: dict[str, list[Any]] = {}
+        self._shapes: dict[str, tuple[int, ...]] = {}  # of each image
+        self._encoders: dict[int, ImageEncoder] = {}  # by the bytes of an image
+
+    def add(self, entries: Mapping[str, Any]) -> None:
+        """Add an entry to some arrays, by name."""
+        for name, entry in entries.items():
+            stored = self._encode(name, entry) if is_image(name) else entry
+            self._entries.setdefault(name, []).append(stored)
+
+    def _encode(self, name: str, entry: np.ndarray) -> bytes:
+        """Encode an image as a chunk of the file."""
+        image = np.ascontiguousarray(entry, describe_array(name).dtype)
+        if self._shapes.setdefault(name, image.shape) != image.shape:
+            raise DatasetError(f"{name}: has images of {self._shapes[name]} and of {image.shape}; take one size")
+        if image.nbytes not in self._encoders:
+            self._encoders[image.nbytes] = ImageEncoder(image.nbytes)
+        return self._encoders[image.nbytes].encode(image).tobytes()
+
+    def write(self, path: Path, dataset: str) -> None:
+        """Write the file of a shard, completely or not at all; `dataset` is the hash of its dataset."""
+        import h5py
+
+        with write_atomically(path, keep_suffix=False) as draft:
+            with h5py.File(draft, "w", libver=("v110", "v110")) as file:
+                file.attrs["Conventions"] = CONVENTIONS
+                file.attrs["dataset_sha256"] = dataset
+                for name, entries in self._entries.items():
+                    _write_array(file, name, entries, self._shapes.get(name))
+            with draft.open(
+                "rb"
+            ) as written:  # before the rename, so that a crash of the machine leaves no partial shard
+                os.fsync(written.fileno())
+
+
+def _write_array(file: Any, name: str, entries: Sequence[Any], shape: tuple[int, ...] | None) -> None:
+    """Write one array of a shard.
+
+    Parameters
+    ----------
+    entries : (frame) numbers or short vectors, or encoded images
+    shape : of an image; None for an array of numbers
+    """
     spec = describe_array(name)
-    if len(spec.dims) == _IMAGE_DIMENSIONS:
-        encoder = ImageEncoder(max(entry.nbytes for entry in entries))
-        shape = (len(entries), *entries[0].shape)
+    if shape is not None:
         options: dict[str, Any] = {"shuffle": True, "compression": "gzip", "compression_opts": 1, "fletcher32": True}
-        dataset = file.create_dataset(name, shape, spec.dtype, chunks=(1, *shape[1:]), **options)
+        dataset = file.create_dataset(name, (len(entries), *shape), spec.dtype, chunks=(1, *shape), **options)
         for k, entry in enumerate(entries):
-            dataset.id.write_direct_chunk((k, 0, 0), encoder.encode(entry))
+            dataset.id.write_direct_chunk((k, *(0,) * len(shape)), entry)
     else:
         values = np.array(entries, spec.dtype)
         dataset = file.create_dataset(name, data=values, chunks=values.shape, fletcher32=True)

@@ -263,6 +263,9 @@ class OptionalLabels(Part):
     oversampled: Flag = Field(
         default=False, description="Range and photons on the finer grid of rays, for super-resolution."
     )
+    camera_electrons: Flag = Field(
+        default=False, description="Expected electrons of each pixel of the cameras beside the lidar, without noise."
+    )
 
 
 class ReferencePointing(Part):

@@ -465,11 +465,11 @@ class Mission(Part):
         return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(frame, stage))))
 
     def seed_of(self, name: str) -> int:
-        """Return the seed of the own errors of a body or a camera, from that of the scenario and a name.
+        """Return the seed of the own errors of a body, from that of the scenario and a name.
 
         Parameters
         ----------
-        name : of the body or the camera
+        name : of the body
         """
         state = np.random.SeedSequence([self.seed, *name.encode()]).generate_state(1, np.uint64)
         return int(state[0] >> np.uint64(1))

@@ -1,5 +1,7 @@
 """The plan of a dataset: samples in random order, classes divided by shares, models and sensors kept apart."""
 
+import hashlib
+import json
 import pickle
 
 import numpy as np
@@ -8,9 +10,9 @@ from scipy.stats import chi2_contingency
 
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
-from rso_lidar.dataset.making.make import make_shard
+from rso_lidar.dataset.making.make import check_samples, make_shard
 from rso_lidar.dataset.specification.tables import SPLITS
-from tests.dataset.bench_for_tests import SCENARIO, SPEC, make_spec
+from tests.dataset.bench_for_tests import CAMERA, SCENARIO, SPEC, make_spec
 
 
 def classes(counts, **further):
@@ -111,13 +113,29 @@ def test_a_sensor_is_kept_for_the_test(tmp_path):
         )
 
 
-def test_cameras_are_left_out_with_a_warning(tmp_path):
+def test_the_key_of_electrons_leaves_other_hashes(tmp_path):
     spec = make_spec(tmp_path)
-    camera = '[[camera]]\nname = "nav"\nlens = { fov_deg = 2, f_number = 4 }\n'
-    (tmp_path / "bench.toml").write_text(SCENARIO + camera, encoding="utf-8")
-    with pytest.warns(rl.RsoLidarWarning, match="no images of cameras"):
-        plan = make_plan(spec)
-    assert not plan.scenario().camera
+    assert "camera_electrons" in spec.dumps()
+    before, after = make_plan(spec), make_plan(spec.replace(labels={"camera_electrons": True}))
+    own = spec.model_dump(exclude_none=True, exclude={"scenario", "set"})
+    del own["labels"]["camera_electrons"]  # the hash of versions that have no cameras in datasets
+    text = json.dumps([2, own, before.mesh_sha256, before.tables], sort_keys=True, default=str)
+    assert before.sha256 == hashlib.sha256(text.encode()).hexdigest() != after.sha256
+
+
+@pytest.mark.parametrize(
+    ("setting", "error"),
+    [
+        ("camera[0].lens.n_rows=12", "camera nav: has 12 x 32 x 1 pixels, and with the first sensor 24 x 32 x 1"),
+        ('camera[0].bands="rgb"', "camera nav: has 24 x 32 x 3 pixels, and with the first sensor 24 x 32 x 1"),
+        ("camera=[]", "camera nav: takes images in some samples and in others not"),
+        ('camera[0].name="other"', "camera nav: takes images in some samples and in others not"),
+    ],
+)
+def test_cameras_of_another_sensor_are_refused(tmp_path, setting, error):
+    spec = make_spec(tmp_path, set=(CAMERA,), sensor=[{"name": "near"}, {"name": "far", "set": [setting]}])
+    with pytest.raises(rl.DatasetError, match=error):
+        check_samples(make_plan(spec))
 
 
 def test_models_by_taxonomy(tmp_path):
