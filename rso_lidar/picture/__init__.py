@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rso_lidar.picture.plots.trajectory import orbit_figure
     from rso_lidar.picture.selection.scale import Scale
     from rso_lidar.picture.selection.sequence import Thumbnail, choose_window, even_indices, find_target_returns
+    from rso_lidar.picture.selection.stretch import Stretch
     from rso_lidar.picture.selection.window import Window
     from rso_lidar.picture.style import colour_maps, figures, html_page, palette
     from rso_lidar.picture.style.defaults import make_rc_params
@@ -41,6 +42,7 @@ __all__ = [
     "Scale",
     "Scheme",
     "Shape",
+    "Stretch",
     "Thumbnail",
     "Window",
     "angles_figure",

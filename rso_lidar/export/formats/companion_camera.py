@@ -18,7 +18,7 @@ from rso_lidar.export.formats.camera import PinholeCamera
 from rso_lidar.export.layout.datasets import compute_lidar_poses
 from rso_lidar.part import parse_toml
 from rso_lidar.pose import build_rotation, quaternion_xyzw
-from rso_lidar.records import Frame, Source
+from rso_lidar.records import Frame
 from rso_lidar.units import DEG, MM, UM
 
 _TERMS = ("k1", "k2", "p1", "p2", "k3")  # in the order of OpenCV
@@ -77,7 +77,7 @@ def read_cameras(place: Path, first: Frame) -> dict[str, CompanionCamera]:
     RecordingError
         If the scenario does not describe a camera as its images are.
     """
-    described = {camera.name: camera for camera in list_cameras(place, first.source)} if first.camera else {}
+    described = {camera.name: camera for camera in list_cameras(place, first.source.scenario)} if first.camera else {}
     for name, image in first.camera.items():
         shape = image.intensity_counts.shape
         if name not in described:
@@ -87,13 +87,13 @@ def read_cameras(place: Path, first: Frame) -> dict[str, CompanionCamera]:
     return {name: described[name] for name in first.camera}
 
 
-def list_cameras(place: Path, source: Source) -> list[CompanionCamera]:
+def list_cameras(place: Path, scenario: str) -> list[CompanionCamera]:
     """List the cameras of a resolved scenario.
 
     Parameters
     ----------
     place : that messages name
-    source : of a recording or of a scenario
+    scenario : its text, from `Source.scenario`
 
     Returns
     -------
@@ -106,7 +106,7 @@ def list_cameras(place: Path, source: Source) -> list[CompanionCamera]:
         If the text of the scenario is cut short or altered.
     """
     cameras = []
-    for number, table in enumerate(parse_toml(source.scenario, "recording", RecordingError).get("camera", [])):
+    for number, table in enumerate(parse_toml(scenario, "recording", RecordingError).get("camera", [])):
         try:
             cameras.append(_read_camera(place, table))
         except (KeyError, TypeError, ValueError) as error:

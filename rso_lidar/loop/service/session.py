@@ -97,7 +97,7 @@ class Session:
     def cameras(self) -> dict[str, dict[str, Any]]:
         """Descriptions of the cameras beside the lidar, by name."""
         scenario = self.linked.simulation.scenario
-        listed = list_cameras(Path("describe"), scenario.source) if scenario.camera else []
+        listed = list_cameras(Path("describe"), scenario.source.scenario) if scenario.camera else []
         return {camera.name: camera.describe() for camera in listed}
 
     def answer(self, request: Request, *, skip: bool = False) -> Answer:

@@ -12,6 +12,7 @@ RANGE_RAMP = "viridis"  # range, and time along a path
 INTENSITY_RAMP = "gray"
 AMOUNT_RAMP = "cividis"  # photons, shares, heights and figures of merit (Nuñez et al. 2018)
 ERROR_RAMP = "RdBu_r"  # signed, zero in the middle (ColorBrewer, safe for the colour-blind)
+IMAGE_RAMP = "binary_r"  # images of cameras: black to white
 FAINTEST = 36  # grey level of the faintest return
 
 
