@@ -6,8 +6,8 @@ from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
     from rso_lidar.export.formats.bop import choose_depth_scale, quantize_depth
-    from rso_lidar.export.formats.camera import fit_camera
-    from rso_lidar.export.formats.companion_camera import CompanionCamera, list_cameras, read_cameras
+    from rso_lidar.export.formats.camera import PinholeCamera, fit_camera
+    from rso_lidar.export.formats.companion_camera import CompanionCamera, list_cameras
     from rso_lidar.export.formats.parquet import check_parquet, write_parquet
     from rso_lidar.export.formats.png import encode_png
     from rso_lidar.export.formats.raster import write_raster
@@ -34,6 +34,7 @@ __all__ = [
     "Frames",
     "ImageEncoder",
     "PhotonImage",
+    "PinholeCamera",
     "Recorder",
     "Recording",
     "RecordingStatus",
@@ -55,7 +56,6 @@ __all__ = [
     "open_checked",
     "peek_source",
     "quantize_depth",
-    "read_cameras",
     "read_status",
     "read_truth",
     "run_id",
