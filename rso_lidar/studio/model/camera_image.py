@@ -8,7 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.export import list_cameras
-from rso_lidar.picture import LIGHT, Scale, Scheme, Stretch, Window, choose_window, colour_maps, palette
+from rso_lidar.picture import (
+    LIGHT,
+    Scale,
+    Scheme,
+    Stretch,
+    Window,
+    choose_camera_window,
+    choose_window,
+    colour_maps,
+    palette,
+)
 from rso_lidar.records import Frame
 from rso_lidar.studio.model.frame_image import (
     Panel,
@@ -56,13 +66,6 @@ def draw_camera_image(
     )
     of_range = draw_range_panel(frame, window, Scale.of_frames(*spanned))
     return draw_panels((of_image, of_range), measure_width_m(frame, window), scheme)
-
-
-def choose_camera_window(camera: str, *frames: Frame, whole: bool = False) -> Window:
-    """Choose the part of a camera's field that is shown: the targets in all of the frames, or the whole field."""
-    masks = [np.asarray(frame.camera_labels[camera].filled_fraction) > 0.0 for frame in frames]
-    mask = np.logical_or.reduce(masks)
-    return Window.about(np.zeros_like(mask) if whole else mask)
 
 
 def describe_point(frame: Frame, camera: str, x: float, y: float, window: Window, of_camera: Window) -> str:
