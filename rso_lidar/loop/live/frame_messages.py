@@ -83,7 +83,6 @@ def _write_image(frame: Frame, axes: str, image: np.ndarray, encoding: str) -> A
 
     Parameters
     ----------
-    axes : in which the image was taken
     image : (row, col) values, or (row, col, rgb) bytes
     """
     from foxglove.messages import RawImage
@@ -134,13 +133,7 @@ def write_calibration(frame: Frame) -> Any:
 
 
 def _write_pinhole(frame: Frame, axes: str, camera: PinholeCamera, shape: tuple[int, ...]) -> Any:
-    """Return the calibration of a camera.
-
-    Parameters
-    ----------
-    axes : of the camera
-    shape : of its images, rows and columns first
-    """
+    """Return the calibration of a camera, whose images have rows and columns as in `shape`."""
     from foxglove.messages import CameraCalibration
 
     n_rows, n_cols = shape[:2]

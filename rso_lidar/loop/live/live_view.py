@@ -213,12 +213,7 @@ def _find_private_host() -> str:
 
 
 def _make_channels(context: Any, of_cameras: Iterable[str], *, has_ptu: bool) -> dict[str, Any]:
-    """Make the channels by topic.
-
-    Parameters
-    ----------
-    of_cameras : topics of cameras beside the lidar
-    """
+    """Make the channels by topic; those of cameras beside the lidar are given."""
     from foxglove import Channel, channels
 
     by_topic = {

@@ -109,12 +109,7 @@ def _measure_width(panels: Sequence[Mapping[str, np.ndarray]]) -> int:
 def _draw_all(
     thumbnails: Sequence[Thumbnail], panels: Sequence[Mapping[str, np.ndarray]], scheme: Scheme
 ) -> Iterator[Image]:
-    """Yield one picture for each thumbnail.
-
-    Parameters
-    ----------
-    panels : of the cameras, by name, for each thumbnail
-    """
+    """Yield one picture for each thumbnail and its panels of cameras."""
     from PIL import Image, ImageDraw
 
     scale = Scale.of(thumbnails)
@@ -207,7 +202,7 @@ def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float, colours: 
     Parameters
     ----------
     rate_hz : pictures per second of playback; GIF rounds their duration to 10 ms
-    colours : of the palette, flat
+    colours : (768) red, green and blue of the palette, 0 to 255
     """
     from PIL import Image
 

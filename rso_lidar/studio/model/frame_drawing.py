@@ -78,7 +78,6 @@ def _draw_camera(frame: Frame, second: Frame | None, camera: str, scheme: Scheme
     Parameters
     ----------
     second : the frame to compare with, or None
-    lines : of text
     """
     shown = {"A": frame}
     if second is not None:
