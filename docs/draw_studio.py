@@ -1,8 +1,8 @@
 """Draw the pictures of the studio: ``python docs/draw_studio.py`` writes docs/pictures/studio_*.png, light and dark.
 
-It starts the studio on a temporary folder with the first example, flies the last 20 frames of it, and photographs the
-three pages in Chromium. It needs playwright and a Chromium (``pip install playwright``, ``playwright install chromium``);
-`CHROMIUM` names the program where it stands elsewhere. A folder on the command line is written instead.
+It starts the studio on a temporary folder with two examples, and flies the last 20 frames of the first. It photographs the
+three pages, and a camera on See, in Chromium. It needs playwright and a Chromium (``pip install playwright``, ``playwright
+install chromium``); `CHROMIUM` names the program where it stands elsewhere. A folder on the command line is written instead.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import urljoin
 
 from PIL import Image
 
@@ -25,10 +26,12 @@ import rso_lidar as rl
 
 PICTURES = Path(__file__).resolve().parent / "pictures"
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "tdrs_approach.toml"
+CAMERAS, CAMERA_FRAME = EXAMPLE.with_name("companion_camera.toml"), 16  # by day, beside the Earth
 WIDTH, HEIGHT, FLOWN = 1280, 800, 20
 PATIENCE_S = 120.0
 MOST_BYTES = 145_000
 SOFTWARE_GL = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # the same on each machine
+CONNECTED = "window.socket && window.socket.connected"
 BUSY = "[...document.querySelectorAll('.q-spinner, .q-inner-loading')].some(e => e.checkVisibility())"
 
 
@@ -78,7 +81,7 @@ def draw_page(page: Any, place: Path) -> Path:
 
 
 def draw_pages(page: Any, url: str, folder: Path, ending: str) -> list[Path]:
-    """Draw Build, See and Run.
+    """Draw Build, See, a camera on See, and Run.
 
     Parameters
     ----------
@@ -88,6 +91,8 @@ def draw_pages(page: Any, url: str, folder: Path, ending: str) -> list[Path]:
     ending : of their names, before the suffix.
     """
     page.goto(url)
+    page.wait_for_function(CONNECTED)
+    page.goto(f"{urljoin(url, '/')}?file={EXAMPLE.name}")
     page.wait_for_function("/[0-9] warning/.test(document.querySelector('[data-test=verdict]')?.innerText)")
     if page.locator("[data-test=guide-close]").count():
         page.click("[data-test=guide-close]")
@@ -99,7 +104,12 @@ def draw_pages(page: Any, url: str, folder: Path, ending: str) -> list[Path]:
     move_to_end(page, "[data-test=time]")
     drawn.append(draw_page(page, folder / f"studio_see{ending}.png"))
 
-    page.click("[data-test=page-run]")
+    shown = f"?file={CAMERAS.name}&page=see&figure=camera&view=lidar&frame={CAMERA_FRAME}"
+    page.goto(urljoin(url, "/") + shown)
+    page.locator("[data-test=camera-image] img").wait_for(timeout=PATIENCE_S * 1e3)
+    drawn.append(draw_page(page, folder / f"studio_camera{ending}.png"))
+
+    page.goto(f"{urljoin(url, '/')}?file={EXAMPLE.name}&page=run")
     if not ending:  # the first tab makes the recording, and shows it by itself
         count = rl.Scenario.load(EXAMPLE).time.n_frames
         page.get_by_label("Frames").first.fill(f"{count - FLOWN}:{count}")
@@ -125,7 +135,8 @@ def draw_studio(folder: Path) -> list[Path]:
     with tempfile.TemporaryDirectory() as parent, sync_playwright() as playwright:
         missions = Path(parent, "missions")
         missions.mkdir()
-        shutil.copy(EXAMPLE, missions)
+        for example in (EXAMPLE, CAMERAS):
+            shutil.copy(example, missions)
         program = os.environ.get("CHROMIUM") or shutil.which("chromium")
         browser = playwright.chromium.launch(executable_path=program, args=list(SOFTWARE_GL))
         drawn = []

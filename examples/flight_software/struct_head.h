@@ -2,6 +2,10 @@
  *
  * Part 0 of a message is an rso_head, then n_arrays times an rso_array, then the texts that they point to. All numbers are
  * little-endian. On a big-endian processor swap the bytes of each field. docs/protocol.md explains the fields.
+ *
+ * The image of a camera, which a client asks for with "cameras": ["nav"] in its hello, has two entries:
+ * "camera/nav/intensity_counts", dtype "<u2", n_dims 3, shape {rows, columns, bands, 1}, and
+ * "camera/nav/exposure_s", dtype "<f8", n_dims 0, shape {1, 1, 1, 1}.
  */
 #ifndef RSO_STRUCT_HEAD_H
 #define RSO_STRUCT_HEAD_H

@@ -6,7 +6,8 @@ from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
     from rso_lidar.export.formats.bop import choose_depth_scale, quantize_depth
-    from rso_lidar.export.formats.camera import fit_camera
+    from rso_lidar.export.formats.camera import PinholeCamera, fit_camera
+    from rso_lidar.export.formats.companion_camera import CompanionCamera, list_cameras
     from rso_lidar.export.formats.parquet import check_parquet, write_parquet
     from rso_lidar.export.formats.png import encode_png, split_bands
     from rso_lidar.export.formats.raster import write_raster
@@ -28,10 +29,12 @@ else:
 
 __all__ = [
     "FORMATS",
+    "CompanionCamera",
     "Format",
     "Frames",
     "ImageEncoder",
     "PhotonImage",
+    "PinholeCamera",
     "Recorder",
     "Recording",
     "RecordingStatus",
@@ -48,6 +51,7 @@ __all__ = [
     "encode_png",
     "fit_camera",
     "format_for",
+    "list_cameras",
     "open",
     "open_checked",
     "peek_source",

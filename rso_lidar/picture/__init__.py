@@ -19,7 +19,14 @@ if TYPE_CHECKING:
     from rso_lidar.picture.plots.orbit import inertial_figure, is_about_earth, osculating_orbit_m
     from rso_lidar.picture.plots.trajectory import orbit_figure
     from rso_lidar.picture.selection.scale import Scale
-    from rso_lidar.picture.selection.sequence import Thumbnail, choose_window, even_indices, find_target_returns
+    from rso_lidar.picture.selection.sequence import (
+        Thumbnail,
+        choose_camera_window,
+        choose_window,
+        even_indices,
+        find_target_returns,
+    )
+    from rso_lidar.picture.selection.stretch import Stretch
     from rso_lidar.picture.selection.window import Window
     from rso_lidar.picture.style import colour_maps, figures, html_page, palette
     from rso_lidar.picture.style.defaults import make_rc_params
@@ -41,10 +48,12 @@ __all__ = [
     "Scale",
     "Scheme",
     "Shape",
+    "Stretch",
     "Thumbnail",
     "Window",
     "angles_figure",
     "animate",
+    "choose_camera_window",
     "choose_window",
     "colour_maps",
     "colour_parts",

@@ -1,6 +1,6 @@
 """One laser flash: a photon goes through the rooms once, in order, and never turns back."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
@@ -35,6 +35,7 @@ def flash(
     index: int = 0,
     keep: tuple[str, ...] = (),
     sensors: Mapping[str, SensorSamples] | None = None,
+    cameras: Collection[str] | None = None,
 ) -> Frame:
     """Simulate the frame of one laser pulse, or of those that the detector averages. Call its lines for what is between.
 
@@ -48,6 +49,7 @@ def flash(
     index : of the frame
     keep : names of intermediate records to leave in ``frame.kept``
     sensors : samples of other sensors since the flash before, by name
+    cameras : names of the cameras beside the lidar that take images (None: all of them)
 
     Returns
     -------
@@ -98,12 +100,18 @@ def flash(
     if "prediction" in keep:
         records["prediction"] = detector.predict_pixels(photons, lidar.detector, labels.range_m, threads=threads)
     kept = {name: record for name in keep if (record := records[name]) is not None}
-    images = take_images(scenario, truth, laser, pulses, index, threads) if scenario.camera else {}
+    images = take_images(scenario, truth, laser, pulses, index, threads, cameras) if scenario.camera else {}
     return assemble_frame(scenario, truth, lidar, index, reading, labels, kept, sensors, images)
 
 
 def take_images(
-    scenario: Scenario, truth: Truth, laser: Laser, pulses: int, index: int, threads: int | None = None
+    scenario: Scenario,
+    truth: Truth,
+    laser: Laser,
+    pulses: int,
+    index: int,
+    threads: int | None = None,
+    cameras: Collection[str] | None = None,
 ) -> dict[str, tuple[CameraImage, CameraLabels]]:
     """Take the image of each camera beside the lidar about one flash.
 
@@ -115,6 +123,7 @@ def take_images(
     pulses : number of pulses of the frame
     index : of the frame, which selects the noise
     threads : number of threads (None: one per core). The result is bit for bit the same
+    cameras : names of those that take an image (None: all)
 
     Returns
     -------
@@ -124,6 +133,8 @@ def take_images(
     natural = scenario.find_natural_light(truth.time_s)
     images = {}
     for number, camera in enumerate(scenario.cameras):
+        if cameras is not None and camera.name not in cameras:
+            continue
         surfaces = scenario.camera_surfaces[camera.name]
         noise = scenario.rng(index, _CAMERAS + number)
         images[camera.name] = imaging.take_image(camera, truth, surfaces, natural, flash, noise, threads)

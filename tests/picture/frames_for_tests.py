@@ -1,11 +1,23 @@
 """Frames made by hand for the tests of pictures: a satellite of rectangles, met by rays in closed form, with noise."""
 
+import dataclasses
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.pose import Link, PoseTree, pose
-from rso_lidar.records import Frame, Labels, Observation, Reading, Source, TargetEntry, Truth
+from rso_lidar.records import (
+    CameraImage,
+    CameraLabels,
+    Frame,
+    Labels,
+    Observation,
+    Reading,
+    Source,
+    TargetEntry,
+    Truth,
+)
 
 SOURCE = Source(
     scenario='version = 1\nname = "TDRS hop"\n',
@@ -118,3 +130,14 @@ def approach(count: int = 16, n: int = 128, **options) -> list[Frame]:
         make_frame(2700.0 * k / count, 3000.0 * 0.1 ** (k / max(count - 1, 1)), n, index=k, **options)
         for k in range(count)
     ]
+
+
+def add_camera(frame: Frame) -> Frame:
+    """Return a frame with an image of the colour camera "nav": an orange square of 4 by 4 pixels in 20 by 20."""
+    counts = np.full((20, 20, 3), 8, np.uint16)
+    counts[5:9, 6:10] = [900, 600, 300]
+    on = counts[..., 0] > 8
+    target = np.where(on, 0, -1)
+    labels = CameraLabels(counts, target, target, np.where(on, 100.0, np.nan), on)
+    observation = dataclasses.replace(frame.observation, camera={"nav": CameraImage(counts, 0.02)})
+    return dataclasses.replace(frame, observation=observation, camera_labels={"nav": labels})

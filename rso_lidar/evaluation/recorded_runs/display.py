@@ -13,7 +13,7 @@ from rso_lidar import picture
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
 from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario, load_surfaces
 from rso_lidar.evaluation.recorded_runs.player import Colour, Player, find_fullest_frame, play, window_backend
-from rso_lidar.export import Frames, Recording
+from rso_lidar.export import Frames, Recording, list_cameras
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.picture import ANIMATION_SUFFIXES, FIGURE_SUFFIXES, LIGHT, Scheme, Shape, rerun_scene, save_figure
@@ -158,17 +158,19 @@ def _show(
     suffixes = {path.suffix.lower() for path in chosen.paths}
     needless = bool(suffixes) and suffixes <= {*ANIMATION_SUFFIXES}  # animations show no mesh
     shapes = [] if needless else load_true_shapes(frames[0].source, folder)
+    described = list_cameras(Path("view"), frames[0].source.scenario) if frames[0].camera else []
+    cameras = {camera.name: camera.pinhole.matrix for camera in described}
     if chosen.tool == "window":
         play(frames, shapes, colour, scheme)
         return ()
     if _SCENE in suffixes:
-        rerun_scene.write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each)
+        rerun_scene.write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each, cameras=cameras)
         return (_count_frames(len(frames)),)
     if chosen.tool == "rerun":
         with make_temporary_folder() as place:
-            rerun_scene.open_rerun(
-                rerun_scene.write_rerun(frames, Path(place, "recording.rrd"), shapes, colour=colour, each=each)
-            )
+            scene = Path(place, "recording.rrd")
+            rerun_scene.write_rerun(frames, scene, shapes, colour=colour, each=each, cameras=cameras)
+            rerun_scene.open_rerun(scene)
         return ()
     return tuple(_write_pictures(chosen.paths, frames, shapes, colour, scheme))
 

@@ -17,12 +17,14 @@ from rso_lidar.errors import RecordingError, warn
 from rso_lidar.export.formats.camera import PinholeCamera
 from rso_lidar.export.layout.datasets import compute_lidar_poses
 from rso_lidar.part import parse_toml
+from rso_lidar.pose import build_rotation, quaternion_xyzw
 from rso_lidar.records import Frame
 from rso_lidar.units import DEG, MM, UM
 
 _TERMS = ("k1", "k2", "p1", "p2", "k3")  # in the order of OpenCV
 _SENSOR = ("bits", "black_level_counts", "full_well_electrons", "read_noise_electrons", "dark_electrons_per_s")
 _SHUTTER = ("start_ms", "row_delay_us")
+_OPTICAL = (-0.5, 0.5, -0.5, 0.5)  # x, y, z, w: optical axes (z ahead, x right) in those of a mount (x ahead, y left)
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,8 @@ class CompanionCamera:
     """A camera beside the lidar: shape of its images, its pinhole, and what else a reader of its counts must know.
 
     `shape` has rows, columns and bands. `sensor` holds converter, wells, noise and shutter, with the names of the scenario.
-    `electrons_per_count` is the gain.
+    `electrons_per_count` is the gain. `position_m` and `quaternion_xyzw` are the pose carrier_from_camera, in the axes of
+    `carrier`; those of the camera have x right, y down and z along the boresight.
     """
 
     name: str
@@ -39,6 +42,9 @@ class CompanionCamera:
     bands: tuple[Mapping[str, Any], ...]
     electrons_per_count: float
     sensor: Mapping[str, Any]
+    carrier: str
+    position_m: tuple[float, float, float]
+    quaternion_xyzw: tuple[float, float, float, float]
 
     def describe(self) -> dict[str, Any]:
         """Return the camera as a table that JSON can hold; `cx` and `cy` are 0 at the centre of the first pixel."""
@@ -46,6 +52,9 @@ class CompanionCamera:
         col, row = self.pinhole.centre_px
         return {
             "name": self.name,
+            "carrier": self.carrier,
+            "position_m": list(self.position_m),
+            "quaternion_xyzw": list(self.quaternion_xyzw),
             "width": cols,
             "height": rows,
             "fx": self.pinhole.focal_px,
@@ -68,19 +77,50 @@ def read_cameras(place: Path, first: Frame) -> dict[str, CompanionCamera]:
     RecordingError
         If the scenario does not describe a camera as its images are.
     """
-    tables = parse_toml(first.source.scenario, "recording", RecordingError).get("camera", []) if first.camera else []
-    described = {table["name"]: table for table in tables}
-    cameras = {}
+    described = {camera.name: camera for camera in list_cameras(place, first.source.scenario)} if first.camera else {}
     for name, image in first.camera.items():
         shape = image.intensity_counts.shape
+        if name not in described:
+            raise _find_fault(place, name, "it is missing")
+        if described[name].shape != shape:
+            raise _find_fault(place, name, f"its images have the shape {shape}, not {described[name].shape}")
+    return {name: described[name] for name in first.camera}
+
+
+def list_cameras(place: Path, scenario: str) -> list[CompanionCamera]:
+    """List the cameras of a resolved scenario.
+
+    Parameters
+    ----------
+    place : that messages name
+    scenario : its text, from `Source.scenario`
+
+    Returns
+    -------
+    list of CompanionCamera
+        in the order of the scenario.
+
+    Raises
+    ------
+    RecordingError
+        If the text of the scenario is cut short or altered.
+    """
+    cameras = []
+    for number, table in enumerate(parse_toml(scenario, "recording", RecordingError).get("camera", [])):
         try:
-            cameras[name] = _read_camera(place, described[name], shape)
+            cameras.append(_read_camera(place, table))
         except (KeyError, TypeError, ValueError) as error:
-            raise RecordingError(
-                f"{place}: camera '{name}': the recording's scenario does not describe it ({error!r}); export the recording "
-                "that was simulated"
-            ) from None
+            name = table.get("name", str(number)) if isinstance(table, dict) else str(number)
+            raise _find_fault(place, name, repr(error)) from None
     return cameras
+
+
+def _find_fault(place: Path, camera: str, what: str) -> RecordingError:
+    """Return the error for a recording whose scenario does not describe one of its cameras."""
+    return RecordingError(
+        f"{place}: camera '{camera}': the recording's scenario does not describe it ({what}); export the recording that was "
+        "simulated"
+    )
 
 
 def check_images(place: Path, frame: Frame, cameras: dict[str, CompanionCamera]) -> None:
@@ -103,17 +143,10 @@ def compute_camera_poses(frame: Frame, camera: str) -> dict[str, np.ndarray]:
     return {name: np.eye(4) if name == camera else inverse @ matrix for name, matrix in lidar_from.items()}
 
 
-def _read_camera(place: Path, table: Mapping[str, Any], shape: tuple[int, ...]) -> CompanionCamera:
-    """Convert the table of a camera.
-
-    Parameters
-    ----------
-    shape : of its images (row, col, band)
-    """
+def _read_camera(place: Path, table: Mapping[str, Any]) -> CompanionCamera:
+    """Convert the table of a camera."""
     lens, sensor = table["lens"], table["sensor"]
     rows, cols, bands = lens["n_rows"], lens["n_cols"], len(table["bands"])
-    if shape != (rows, cols, bands):
-        raise ValueError(f"its images have the shape {shape}, not {(rows, cols, bands)}")
     if "focal_length_mm" in lens:
         focal_px = lens["focal_length_mm"] * MM / (lens["pixel_pitch_um"] * UM)
     else:
@@ -122,6 +155,10 @@ def _read_camera(place: Path, table: Mapping[str, Any], shape: tuple[int, ...]) 
     if gain is None:  # a full well is the greatest count
         gain = sensor["full_well_electrons"] / (2 ** sensor["bits"] - 1 - sensor["black_level_counts"])
     distortion = _read_distortion(place, table["name"], lens.get("distortion"))
+    mount = table["mount"]
+    rotation = build_rotation(mount.get("quaternion_xyzw"), mount.get("euler_zyx_deg")) * build_rotation(_OPTICAL, None)
+    x, y, z = (float(value) for value in mount["position_m"])
+    qx, qy, qz, qw = quaternion_xyzw(rotation).tolist()
     return CompanionCamera(
         table["name"],
         (rows, cols, bands),
@@ -129,6 +166,9 @@ def _read_camera(place: Path, table: Mapping[str, Any], shape: tuple[int, ...]) 
         tuple(table["bands"]),
         gain,
         {key: sensor[key] for key in _SENSOR} | {key: table[key] for key in _SHUTTER},
+        table["carrier"],
+        (x, y, z),
+        (qx, qy, qz, qw),
     )
 
 

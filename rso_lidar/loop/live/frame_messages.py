@@ -7,13 +7,14 @@ at the distance of an orbit the float32 of a viewer resolves metres. Stamps are 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from rso_lidar.export import fit_camera, to_stamp_ns
-from rso_lidar.picture import Shape, rerun_scene
+from rso_lidar.export import CompanionCamera, PinholeCamera, fit_camera, to_stamp_ns
+from rso_lidar.picture import Shape, Stretch, rerun_scene
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame
 from rso_lidar.units import NS_PER_S
@@ -69,27 +70,27 @@ def write_transforms(frame: Frame) -> Any:
 
 def write_range(frame: Frame) -> Any:
     """Return the slant range [m] as an image of float32, NaN where nothing came back."""
-    return _write_image(frame, np.ascontiguousarray(frame.range_m, dtype="<f4"), "32FC1")
+    return _write_image(frame, LIDAR, np.ascontiguousarray(frame.range_m, dtype="<f4"), "32FC1")
 
 
 def write_intensity(frame: Frame) -> Any:
     """Return the intensity [counts] as an image of 16 bits."""
-    return _write_image(frame, np.ascontiguousarray(frame.intensity_counts, dtype="<u2"), "mono16")
+    return _write_image(frame, LIDAR, np.ascontiguousarray(frame.intensity_counts, dtype="<u2"), "mono16")
 
 
-def _write_image(frame: Frame, image: np.ndarray, encoding: str) -> Any:
+def _write_image(frame: Frame, axes: str, image: np.ndarray, encoding: str) -> Any:
     """Return an image message.
 
     Parameters
     ----------
-    image : (row, col) values
+    image : (row, col) values, or (row, col, rgb) bytes
     """
     from foxglove.messages import RawImage
 
-    n_rows, n_cols = image.shape
+    n_rows, n_cols = image.shape[:2]
     return RawImage(
         timestamp=_timestamp(frame),
-        frame_id=LIDAR,
+        frame_id=axes,
         width=n_cols,
         height=n_rows,
         encoding=encoding,
@@ -128,14 +129,18 @@ def write_points(frame: Frame) -> Any:
 
 def write_calibration(frame: Frame) -> Any:
     """Return the camera that fits the lines of sight, with which a viewer places images in space."""
+    return _write_pinhole(frame, LIDAR, fit_camera(frame.line_of_sight), frame.valid.shape)
+
+
+def _write_pinhole(frame: Frame, axes: str, camera: PinholeCamera, shape: tuple[int, ...]) -> Any:
+    """Return the calibration of a camera, whose images have rows and columns as in `shape`."""
     from foxglove.messages import CameraCalibration
 
-    camera = fit_camera(frame.line_of_sight)
-    n_rows, n_cols = frame.valid.shape
+    n_rows, n_cols = shape[:2]
     projection = [*camera.matrix[:3], 0.0, *camera.matrix[3:6], 0.0, *camera.matrix[6:], 0.0]
     return CameraCalibration(
         timestamp=_timestamp(frame),
-        frame_id=LIDAR,
+        frame_id=axes,
         width=n_cols,
         height=n_rows,
         distortion_model="plumb_bob",
@@ -213,3 +218,30 @@ WRITERS: dict[str, Callable[[Frame], Any]] = {
     "/log": write_log,
 }
 TARGETS = "/targets"
+IMAGE, CALIBRATION = "image", "calibration"  # after the name of a camera in its topics
+
+
+def list_camera_writers(cameras: Iterable[CompanionCamera]) -> dict[str, Callable[[Frame], Any]]:
+    """List the functions that write the messages of cameras beside the lidar, by topic."""
+    writers: dict[str, Callable[[Frame], Any]] = {}
+    for camera in cameras:
+        writers[f"/{camera.name}/{IMAGE}"] = partial(write_camera_image, camera)
+        writers[f"/{camera.name}/{CALIBRATION}"] = partial(write_camera_calibration, camera)
+    return writers
+
+
+def write_camera_image(camera: CompanionCamera, frame: Frame) -> Any:
+    """Return the image of a camera: the counts of a single band, or colours stretched for a screen of three.
+
+    Of another number of bands it has the first. The protocol has no colours of 16 bits.
+    """
+    counts = frame.camera[camera.name].intensity_counts
+    if len(camera.bands) == 3:
+        stretched = Stretch.of(camera.name, frame).paint(counts)
+        return _write_image(frame, camera.name, np.ascontiguousarray(stretched), "rgb8")
+    return _write_image(frame, camera.name, np.ascontiguousarray(counts[..., 0], dtype="<u2"), "mono16")
+
+
+def write_camera_calibration(camera: CompanionCamera, frame: Frame) -> Any:
+    """Return the pinhole of a camera, with its distortion."""
+    return _write_pinhole(frame, camera.name, camera.pinhole, camera.shape)

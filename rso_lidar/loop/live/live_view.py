@@ -8,13 +8,23 @@ from __future__ import annotations
 import re
 import secrets
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import RecordingError, ScenarioError, warn
+from rso_lidar.export import list_cameras
 from rso_lidar.loop.gateway import Gateway
-from rso_lidar.loop.live.frame_messages import PTU_SCHEMA, TARGETS, WRITERS, stamp_of, write_targets
+from rso_lidar.loop.live.frame_messages import (
+    IMAGE,
+    PTU_SCHEMA,
+    TARGETS,
+    WRITERS,
+    list_camera_writers,
+    stamp_of,
+    write_targets,
+)
 from rso_lidar.loop.live.queued_view import QueuedView
 from rso_lidar.loop.network_address import parse_address, require_loopback
 from rso_lidar.picture import Shape
@@ -78,6 +88,9 @@ class LiveView(QueuedView):
         if shapes is None:
             shapes = [Shape(surface.name, surface.corners) for surface in scenario.surfaces]
         self._shapes = tuple(shapes)
+        cameras = list_cameras(Path("live view"), scenario.source.scenario) if scenario.camera else []
+        of_cameras = list_camera_writers(cameras)
+        self._writers = WRITERS | of_cameras
         self._latest: Frame | None = None
         self._targets: Any = None
         self._context = context = fox.Context()  # channels are advertised only while it lives
@@ -107,7 +120,7 @@ class LiveView(QueuedView):
             self._open = undone.pop_all()
         self.address = parse_address(url.removeprefix("tcp://"), where)
         self._broadcast_time = server.broadcast_time
-        self._channels = _make_channels(context, has_ptu=scenario.ptu is not None)
+        self._channels = _make_channels(context, of_cameras, has_ptu=scenario.ptu is not None)
         self._start()
 
     @property
@@ -148,7 +161,7 @@ class LiveView(QueuedView):
         if topic == TARGETS:
             self._targets = message = self._targets or write_targets(frame, self._shapes)
         else:
-            message = WRITERS[topic](frame)
+            message = self._writers[topic](frame)
         if message is not None:
             self._channels[topic].log(message, log_time=stamp_of(frame), sink_id=client)
 
@@ -199,8 +212,8 @@ def _find_private_host() -> str:
     return host
 
 
-def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:
-    """Make the channels by topic."""
+def _make_channels(context: Any, of_cameras: Iterable[str], *, has_ptu: bool) -> dict[str, Any]:
+    """Make the channels by topic; those of cameras beside the lidar are given."""
     from foxglove import Channel, channels
 
     by_topic = {
@@ -214,6 +227,9 @@ def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:
     }
     if has_ptu:
         by_topic["/ptu"] = Channel("/ptu", schema=PTU_SCHEMA, context=context)
+    for topic in of_cameras:
+        kind = channels.RawImageChannel if topic.endswith(f"/{IMAGE}") else channels.CameraCalibrationChannel
+        by_topic[topic] = kind(topic, context=context)
     return by_topic
 
 

@@ -13,9 +13,11 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.export import list_cameras
 from rso_lidar.interruption import remove_on_signal
 from rso_lidar.loop.live.queued_view import QueuedView
 from rso_lidar.loop.network_address import NetworkAddress, parse_address, require_loopback
@@ -59,6 +61,8 @@ class RerunView(QueuedView):
         if shapes is None:
             shapes = [Shape(surface.name, surface.corners) for surface in scenario.surfaces]
         self._shapes = tuple(shapes)
+        cameras = list_cameras(Path("live view"), scenario.source.scenario) if scenario.camera else []
+        self._cameras = {camera.name: camera.pinhole.matrix for camera in cameras}
         self._lasts_s = scenario.span[1]
         self._scene: rerun_scene.RerunScene | None = None
         self._stream: Any = None
@@ -86,7 +90,9 @@ class RerunView(QueuedView):
         """Send one frame to the proxy, with the colours that suit it."""
         scale = Scale.of([Thumbnail.of(frame)])
         if self._scene is None:
-            self._scene = rerun_scene.RerunScene(self._rerun, frame, self._lasts_s, self._shapes, scale, "range")
+            self._scene = rerun_scene.RerunScene(
+                self._rerun, frame, self._lasts_s, self._shapes, scale, "range", self._cameras
+            )
             self._stream = self._rerun.RecordingStream(rerun_scene.APPLICATION, send_properties=False)
             self._stream.connect_grpc(self.url, default_blueprint=self._scene.blueprint())
             self._scene.begin(self._stream)

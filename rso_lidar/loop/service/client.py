@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -53,6 +53,7 @@ class Client:
     token : secret that the server requires
     key : file of this client's CURVE keys (``.key_secret``)
     server_key : file of the server's public key
+    cameras : names of the cameras beside the lidar whose images the observations hold, or ``all``
     """
 
     def __init__(
@@ -65,6 +66,7 @@ class Client:
         token: str | None = None,
         key: str | os.PathLike[str] | None = None,
         server_key: str | os.PathLike[str] | None = None,
+        cameras: Sequence[str] | Literal["all"] = (),
     ) -> None:
         self.endpoint, self.timeout_s = endpoint, timeout_s
         self._zmq = import_zmq("Client")
@@ -89,8 +91,9 @@ class Client:
             self._socket.rcvtimeo = min(_LOOK_MS, max(1, int(1e3 * self.timeout_s)))
             self._connect()
             hello: dict[str, Any] = {"version": 1, "role": role, "client": name or f"Python, process {os.getpid()}"}
+            asked = cameras if isinstance(cameras, str) else list(cameras)
             self.description: dict[str, Any] = self._ask(
-                "hello", lambda header, _: dict(header["describe"]), **hello, token=token
+                "hello", lambda header, _: dict(header["describe"]), **hello, token=token, cameras=asked or None
             )
         except BaseException:
             self.close()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from rso_lidar.errors import did_you_mean
 from rso_lidar.loop.service.endpoints import Security
 from rso_lidar.loop.service.requests import HelloRequest, Request
 
@@ -28,13 +29,21 @@ class _Peer:
     is_driver: bool
     connection: int  # number of its socket, by which libzmq reports the end of a connection
     takes_structs: bool  # as the heads of its replies; else JSON
+    cameras: tuple[str, ...]  # whose images it takes
 
 
 class Peers:
-    """The clients that have sent hello, with one driver at a time."""
+    """The clients that have sent hello, with one driver at a time.
 
-    def __init__(self, security: Security, log: Callable[[str], None]) -> None:
-        self._security, self._log = security, log
+    Parameters
+    ----------
+    security : who may connect
+    cameras : names of those whose images can be served
+    log : prints a line of the log
+    """
+
+    def __init__(self, security: Security, cameras: Sequence[str], log: Callable[[str], None]) -> None:
+        self._security, self._cameras, self._log = security, tuple(cameras), log
         self._peers: dict[bytes, _Peer] = {}
 
     def admit(self, identity: bytes, connection: int, request: Request) -> None:
@@ -66,8 +75,26 @@ class Peers:
             )
         if identity not in self._peers and len(self._peers) >= MOST_CLIENTS:
             raise RefusalError("busy", f"hello: {MOST_CLIENTS} clients are connected already; end one first")
-        self._peers[identity] = _Peer(request.client, is_driver, connection, request.head == "struct")
+        cameras = self._choose_cameras(request)
+        self._peers[identity] = _Peer(request.client, is_driver, connection, request.head == "struct", cameras)
         self._log(f"client      {request.client} has connected as {request.role}")
+
+    def _choose_cameras(self, request: HelloRequest) -> tuple[str, ...]:
+        """Return the names of the cameras that a client asks for, in the order of the scenario."""
+        if request.cameras == "all":
+            return self._cameras
+        for name in request.cameras:
+            if name not in self._cameras:
+                known = f"known: {', '.join(self._cameras)}" if self._cameras else "the scenario has none"
+                raise RefusalError(
+                    "bad_request", f"hello: cameras: no '{name:.60}'{did_you_mean(name, self._cameras)} ({known})"
+                )
+        return tuple(name for name in self._cameras if name in request.cameras)
+
+    def find_cameras(self, identity: bytes) -> tuple[str, ...]:
+        """Return the names of the cameras whose images a client takes."""
+        peer = self._peers.get(identity)
+        return () if peer is None else peer.cameras
 
     def takes_structs(self, identity: bytes) -> bool:
         """Return whether a client has asked for heads of structures."""

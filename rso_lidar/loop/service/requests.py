@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.part import Flag, NotNegative, Number, Part, Positive, Text, Whole, explain
+from rso_lidar.part import Flag, Name, NotNegative, Number, Part, Positive, Text, Whole, explain
 from rso_lidar.records import Command
 
 SCHEMA = {"name": "rso_lidar.loop", "version": 1}
@@ -56,6 +56,10 @@ class HelloRequest(Request):
     )
     head: Literal["json", "struct"] = Field(
         default="json", description="Head of the replies to this client: JSON, or structures of C."
+    )
+    cameras: tuple[Name, ...] | Literal["all"] = Field(
+        default=(),
+        description='Cameras beside the lidar whose images the replies to this client hold: their names, or `"all"`.',
     )
     client: Annotated[Text, Field(max_length=100)] = Field(default="?", description="Name for the server's log.")
     token: Annotated[Text, Field(max_length=1000)] | None = Field(

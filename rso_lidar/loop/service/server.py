@@ -6,7 +6,7 @@ import socket
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from tempfile import TemporaryDirectory
 from typing import Any, Self
 
@@ -36,7 +36,7 @@ class _Due:
     due_s: float
     envelope: list[bytes]
     parts: list[Any]
-    published: list[Any] | None
+    published: list[list[Any]]  # messages of the stream
 
 
 class Server:
@@ -73,7 +73,7 @@ class Server:
         self._bind, self._publish = bind, publish
         self._zmq = import_zmq("serve")
         self._open = ExitStack()
-        self._peers = Peers(self._security, log)
+        self._peers = Peers(self._security, tuple(session.cameras), log)
         self._due: _Due | None = None
         self._sequence = self._published = 0
         self.endpoint, self.stream = bind, publish  # as bound, with the numbers of ports
@@ -191,9 +191,9 @@ class Server:
             time.sleep(left_s)
         due, self._due = self._due, None
         self._send(due.envelope, due.parts)
-        if due.published is not None:
+        for message in due.published:
             self._published += 1
-            send_parts(self._stream, [b"reading", *due.published])
+            send_parts(self._stream, message)
 
     def _note_disconnections(self) -> None:
         """Remove the clients whose connections have ended."""
@@ -266,14 +266,13 @@ class Server:
             if self._deadlines is not None:
                 self._deadlines.begin()
             self._publish_event(request.request)
-        header = self._complete(answer, request)
-        parts = self._encode(envelope, header, answer.arrays)
+        completed = replace(answer, header=self._complete(answer, request))
+        own = completed.with_images(self._peers.find_cameras(envelope[0]))
+        parts = self._encode(envelope, own.header, own.arrays)
         self._is_done = answer.ends
         if answer.is_step:
-            published = None
-            if answer.has_reading and self._stream is not None:  # in JSON, whatever the driver takes
-                published = encode(header, answer.arrays) if self._peers.takes_structs(envelope[0]) else parts
-            self._due = _Due(due_s, envelope, parts, published)
+            is_published = answer.has_reading and self._stream is not None
+            self._due = _Due(due_s, envelope, parts, _list_published(completed) if is_published else [])
         else:
             self._send(envelope, parts)
 
@@ -323,3 +322,13 @@ class Server:
             self._published += 1
             header = {"event": event, "sequence": self._published}
             send_parts(self._stream, [b"event", *encode(header)])
+
+
+def _list_published(answer: Answer) -> list[list[Any]]:
+    """List the messages of the stream, in JSON whatever the driver takes: the reading, then the image of each camera."""
+    messages = [[b"reading", *encode(answer.header, answer.arrays)]]
+    bare = replace(answer, header=answer.header | {"records": {}}, arrays=[])
+    for name in answer.images:
+        image = bare.with_images([name])
+        messages.append([f"camera/{name}".encode(), *encode(image.header, image.arrays)])
+    return messages

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.export import list_cameras
 from rso_lidar.loop.service.flight_recorder import FlightRecorder
 from rso_lidar.loop.service.linked_simulation import Delivery, LinkedSimulation, LinkedState
 from rso_lidar.loop.service.requests import (
@@ -23,8 +26,8 @@ from rso_lidar.loop.service.requests import (
     StepRequest,
     TruthRequest,
 )
-from rso_lidar.loop.service.wire_format import WireArray, list_reading, list_truth
-from rso_lidar.records import Frame, Observation, SensorSamples, specs
+from rso_lidar.loop.service.wire_format import WireArray, list_images, list_reading, list_truth
+from rso_lidar.records import CameraImage, Frame, Observation, SensorSamples, specs
 from rso_lidar.simulation import Simulation
 
 MOST_STATES = 64  # kept at once; each holds a frame
@@ -33,7 +36,11 @@ _SIGHT = "line_of_sight"
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """An answer to a request: header and arrays of the message, and flags for the server."""
+    """An answer to a request: header and arrays of the message, and flags for the server.
+
+    `images` holds those of all cameras beside the lidar that come with the reading, by name, and `cameras` describes the
+    cameras; `with_images` adds what a client takes of both.
+    """
 
     header: dict[str, Any]
     arrays: list[WireArray] = field(default_factory=list)
@@ -41,6 +48,23 @@ class Answer:
     is_skipped: bool = False
     has_reading: bool = False
     ends: bool = False
+    images: Mapping[str, CameraImage] = field(default_factory=dict)
+    cameras: Mapping[str, dict[str, Any]] = field(default_factory=dict)
+
+    def with_images(self, cameras: Sequence[str]) -> Self:
+        """Return the answer with images and descriptions of some cameras.
+
+        Parameters
+        ----------
+        cameras : their names
+        """
+        header, arrays = self.header, self.arrays
+        if images := {name: self.images[name] for name in cameras if name in self.images}:
+            classes, more = list_images(images)
+            header, arrays = header | {"records": header["records"] | classes}, [*arrays, *more]
+        if described := [self.cameras[name] for name in cameras if name in self.cameras]:
+            header = header | {"describe": header["describe"] | {"cameras": described}}
+        return replace(self, header=header, arrays=arrays)
 
 
 class Session:
@@ -69,6 +93,13 @@ class Session:
         self._names = 0
         self._sight: np.ndarray | None = None  # the line of sight that the driver has
 
+    @cached_property
+    def cameras(self) -> dict[str, dict[str, Any]]:
+        """Descriptions of the cameras beside the lidar, by name."""
+        scenario = self.linked.simulation.scenario
+        listed = list_cameras(Path("describe"), scenario.source.scenario) if scenario.camera else []
+        return {camera.name: camera.describe() for camera in listed}
+
     def answer(self, request: Request, *, skip: bool = False) -> Answer:
         """Answer a request.
 
@@ -93,7 +124,8 @@ class Session:
                 return self._step(request, skip=skip)
             case HelloRequest() | DescribeRequest():
                 self._sight = None if isinstance(request, HelloRequest) and request.role == "driver" else self._sight
-                return Answer(self._state() | {"describe": self._describe()}, self._list_sight())
+                header = self._state() | {"describe": self._describe()}
+                return Answer(header, self._list_sight(), cameras=self.cameras)
             case ObservationRequest():
                 return self._observe()
             case TruthRequest():
@@ -193,6 +225,7 @@ class Session:
             is_step=is_step,
             is_skipped=delivery is not None and delivery.status == "skipped",
             has_reading=observation is not None,
+            images={} if observation is None else observation.camera,
         )
 
     def _list_truth(self) -> Answer:

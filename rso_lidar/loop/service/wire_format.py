@@ -21,6 +21,7 @@ from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import (
     ArraySpec,
     BodyState,
+    CameraImage,
     Observation,
     PtuAngles,
     Reading,
@@ -35,6 +36,7 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 _DTYPES = {
     name: np.dtype(name) for name in ("|b1", "|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f4", "<f8")
 }
+_CAMERA = "camera/"  # before the name of a camera in the paths of its images
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +87,18 @@ def list_reading(
     for path, record in inside.items():
         arrays += list_record(f"{path}/", record)
     return {path: type(record).__name__ for path, record in inside.items()}, arrays
+
+
+def list_images(images: Mapping[str, CameraImage]) -> tuple[dict[str, str], list[WireArray]]:
+    """List the classes of images by path, and their arrays.
+
+    Parameters
+    ----------
+    images : by the name of the camera
+    """
+    inside = {f"{_CAMERA}{name}": image for name, image in images.items()}
+    arrays = [array for path, image in inside.items() for array in list_record(f"{path}/", image)]
+    return {path: type(image).__name__ for path, image in inside.items()}, arrays
 
 
 def list_truth(truth: Truth) -> list[WireArray]:
@@ -199,6 +213,11 @@ def build_observation(
         line_of_sight,
         pan_tilt_rad=arrays.get("pan_tilt_rad"),
         sensors=samples,
+        camera={
+            path.removeprefix(_CAMERA): _build_record(path, CameraImage, arrays)
+            for path in header.get("records", {})
+            if path.startswith(_CAMERA)
+        },
     )
 
 

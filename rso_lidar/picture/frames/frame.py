@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.files import check_writable
-from rso_lidar.picture.frames.panels import draw_error, draw_intensity, draw_parts, draw_range
+from rso_lidar.picture.frames.panels import draw_camera, draw_error, draw_intensity, draw_parts, draw_range
 from rso_lidar.picture.frames.part_colours import PartKey
 from rso_lidar.picture.selection.sequence import (
     choose_window,
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL import Image
 
-WIDTH_IN = 11.6
+WIDTH_IN, ROW_IN = 11.6, 4.5  # of the figure, and of a row of two panels
 LETTERS = 156  # letters in a line of small print
 MOST_TARGETS = 3  # most targets whose geometry is described
 
@@ -75,9 +76,9 @@ def draw(frame: Frame, scheme: Scheme = LIGHT) -> Image.Image:
 
 
 def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
-    """Draw a figure of one frame: measured range, intensity, the true parts, and range minus truth.
+    """Draw a figure of one frame: measured range, intensity, the true parts, range minus truth, and images of cameras.
 
-    All four show the same square around the target, or the whole field where the target fills it; rows and columns are
+    The first four show the same square around the target, or the whole field where the target fills it; rows and columns are
     numbered as in the arrays. Limits of colour leave out one per cent at either end.
 
     Parameters
@@ -91,13 +92,21 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
     Figure
     """
     window = choose_window(frame)
-    figure = new_figure(WIDTH_IN, 9.0, frame.source.title, summarize_frame(frame), tuple(_describe_geometry(frame)))
-    panels = figure.subplots(2, 2, squeeze=True)
+    rows = 2 + math.ceil(len(frame.camera) / 2)
+    figure = new_figure(
+        WIDTH_IN, ROW_IN * rows, frame.source.title, summarize_frame(frame), tuple(_describe_geometry(frame))
+    )
+    panels = figure.subplots(rows, 2, squeeze=True)
     draw_range(panels[0, 0], frame, window)
     draw_intensity(panels[0, 1], frame, window)
     draw_parts(panels[1, 0], frame, window, parts)
     draw_error(panels[1, 1], frame, window)
-    for axes in panels.flat:
+    of_cameras = panels.flat[4:]
+    for axes, camera in zip(of_cameras, frame.camera, strict=False):
+        draw_camera(axes, frame, camera)
+    for axes in of_cameras[len(frame.camera) :]:
+        axes.remove()
+    for axes in panels.flat[: 4 + len(frame.camera)]:
         axes.set_xlabel("col", fontsize=TEXT_PT, color=QUIET)
         axes.set_ylabel("row", fontsize=TEXT_PT, color=QUIET)
         axes.tick_params(labelsize=SMALL_PT, colors=QUIET)

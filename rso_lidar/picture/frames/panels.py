@@ -10,7 +10,8 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.picture.frames.part_colours import PartKey, colour_parts, find_part_name
 from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import find_target_returns, pixel_rad
+from rso_lidar.picture.selection.sequence import choose_camera_window, find_target_returns, pixel_rad
+from rso_lidar.picture.selection.stretch import Stretch
 from rso_lidar.picture.selection.window import Window
 from rso_lidar.picture.style.colour_maps import ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
 from rso_lidar.picture.style.figures import (
@@ -169,6 +170,24 @@ def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
             f"{length_m:g} m", (x, y), xytext=(0, 6), textcoords="offset points", color=IMAGE_WHITE, fontsize=TEXT_PT,
             bbox={"facecolor": IMAGE_BLACK, "lw": 0, "pad": 1.5},
         )  # fmt: skip
+
+
+def draw_camera(axes: Axes, frame: Frame, camera: str) -> None:
+    """Draw the image of a camera beside the lidar, stretched for a screen: colours of three bands, else the first band.
+
+    Parameters
+    ----------
+    axes : where to draw
+    frame : the frame
+    camera : its name
+    """
+    image, window, stretch = frame.camera[camera], choose_camera_window(camera, frame), Stretch.of(camera, frame)
+    extent = (window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5)
+    axes.imshow(window.cut(stretch.paint(image.intensity_counts)), extent=extent)
+    low, high = stretch.words
+    _write_heading(axes, f"Camera {camera}", f"{1e3 * float(image.exposure_s):,.3g} ms; {low} to {high}")
+    if not window.whole:
+        _draw_locator(axes, window)
 
 
 def draw_parts(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKey]) -> None:

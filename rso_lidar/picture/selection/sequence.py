@@ -150,6 +150,24 @@ def choose_window(*frames: Frame, whole: bool = False) -> Window:
     return Window.about(np.logical_or.reduce(masks))
 
 
+def choose_camera_window(camera: str, *frames: Frame, whole: bool = False) -> Window:
+    """Choose the part of a camera's field that pictures show: a square about the targets, or the whole field.
+
+    Parameters
+    ----------
+    camera : name of the camera beside the lidar
+    *frames : frames with an image of it, at least one
+    whole : whether to show the whole field
+
+    Returns
+    -------
+    Window
+    """
+    masks = [np.asarray(frame.camera_labels[camera].filled_fraction) > 0.0 for frame in frames]
+    mask = np.logical_or.reduce(masks)
+    return Window.about(np.zeros_like(mask) if whole else mask)
+
+
 def target_ranges_m(frame: Frame) -> dict[str, float]:
     """Return the true range [m] of each target's origin by name, without those missing from the truth."""
     return {

@@ -12,6 +12,8 @@ RANGE_RAMP = "viridis"  # range, and time along a path
 INTENSITY_RAMP = "gray"
 AMOUNT_RAMP = "cividis"  # photons, shares, heights and figures of merit (Nuñez et al. 2018)
 ERROR_RAMP = "RdBu_r"  # signed, zero in the middle (ColorBrewer, safe for the colour-blind)
+IMAGE_RAMP = "binary_r"  # images of cameras: black to white
+RAMP_COLOURS = 238  # of range and of greys, at the beginning of the palette of animations
 FAINTEST = 36  # grey level of the faintest return
 
 
@@ -61,7 +63,7 @@ def fixed_palette(scheme: Scheme = LIGHT) -> tuple[int, ...]:
     scheme : `LIGHT` or `DARK`
     """
     colours = [tuple(int(v) for v in ramp(RANGE_RAMP)[k]) for k in np.linspace(0, 255, 128).round().astype(int)]
-    colours += [(int(v), int(v), int(v)) for v in np.linspace(0, 246, 110).round()]
+    colours += [(int(v), int(v), int(v)) for v in np.linspace(0, 246, RAMP_COLOURS - 128).round()]
     roles = (scheme.paper, scheme.ink, scheme.quiet, scheme.rule, scheme.grid, scheme.mark, NO_RETURN, IMAGE_MARK)
     colours += [split_rgb(colour) for colour in roles]
     paper, mark = split_rgb(scheme.paper), split_rgb(scheme.mark)

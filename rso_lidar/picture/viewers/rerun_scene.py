@@ -11,7 +11,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
@@ -23,6 +23,7 @@ from rso_lidar.files import write_atomically
 from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, find_target_returns, pick
+from rso_lidar.picture.selection.stretch import Stretch
 from rso_lidar.picture.style.palette import DARK, NO_RETURN, OTHER_PART, split_rgb
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.pose import ROOT, PoseTree, quaternion_xyzw
@@ -31,7 +32,7 @@ from rso_lidar.records import Frame
 Colour = Literal["range", "intensity"]
 APPLICATION = "rso_lidar"
 TIME, FRAME = "time", "frame"  # the two time lines: seconds since start_utc, and the frame's number
-RANGE, INTENSITY = "images/range", "images/intensity"
+RANGE, INTENSITY, CAMERAS = "images/range", "images/intensity", "images/camera"
 _COVER = "no_return"
 _SHOWN_S = 20.0  # playing time of a recording longer than a minute
 _LOOKED_AT = 24  # frames that the colour limits are computed from
@@ -64,6 +65,7 @@ def write_rerun(
     *,
     colour: Colour = "range",
     each: Iterable[Frame] | None = None,
+    cameras: Mapping[str, Sequence[float]] | None = None,
 ) -> Path:
     """Write a scene (.rrd) of some frames, frame by frame; a failed write leaves no file.
 
@@ -72,6 +74,8 @@ def write_rerun(
     shapes : true meshes, each in axes that the truth knows
     colour : what the points' colour means, with one scale for all frames
     each : iterator over the same frames that counts them as they are read (None: `frames`)
+    cameras : matrix of each camera beside the lidar by its name, nine numbers row by row [pixels], with (0, 0) at the
+        centre of the first pixel (None: no cameras)
 
     Returns
     -------
@@ -89,7 +93,7 @@ def write_rerun(
     rerun = import_rerun(str(place))
     thumbnails, _ = pick(frames, _LOOKED_AT, Thumbnail.of)
     lasts_s = thumbnails[-1].time_s - thumbnails[0].time_s
-    scene = RerunScene(rerun, frames[0], lasts_s, tuple(shapes), Scale.of(thumbnails), colour)
+    scene = RerunScene(rerun, frames[0], lasts_s, tuple(shapes), Scale.of(thumbnails), colour, cameras)
     with write_atomically(place) as draft:
         stream = rerun.RecordingStream(APPLICATION, recording_id=_identity(frames[0]), send_properties=False)
         stream.save(draft, default_blueprint=scene.blueprint())
@@ -215,14 +219,23 @@ class RerunScene:
     """Scene being written: paths of its axes, scale of colours, meshes."""
 
     def __init__(
-        self, rerun: Any, first: Frame, lasts_s: float, shapes: tuple[Shape, ...], scale: Scale, colour: Colour
+        self,
+        rerun: Any,
+        first: Frame,
+        lasts_s: float,
+        shapes: tuple[Shape, ...],
+        scale: Scale,
+        colour: Colour,
+        cameras: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
         """Prepare a scene for Rerun.
 
         Parameters
         ----------
         lasts_s : time between the first and last frame [s]
+        cameras : as for `write_rerun`
         """
+        self.cameras = cameras or {}
         self.rr, self.first, self.shapes, self.scale, self.colour = rerun, first, shapes, scale, colour
         self.world = world_of(first)
         self.paths = paths_of(first.truth.poses, self.world)
@@ -251,6 +264,18 @@ class RerunScene:
                 ),
                 static=True,
             )
+        for name, matrix in self.cameras.items():
+            if name in self.first.camera:
+                n_rows, n_cols, _ = self.first.camera[name].intensity_counts.shape
+                from_corner = np.reshape(matrix, (3, 3)).copy()  # Rerun counts from the corner of the first pixel
+                from_corner[:2, 2] += 0.5
+                pinhole = rr.Pinhole(
+                    image_from_camera=from_corner,
+                    resolution=(n_cols, n_rows),
+                    camera_xyz=rr.ViewCoordinates.RDF,
+                    image_plane_distance=2.0 * self.size_m,
+                )
+                stream.log([*self.paths[name], "field"], pinhole, static=True)
         covered = [rr.AnnotationInfo(0, color=(0, 0, 0, 0)), rr.AnnotationInfo(1, "no return", split_rgb(NO_RETURN))]
         stream.log(f"{RANGE}/{_COVER}", rr.AnnotationContext(covered), static=True)
         source = self.first.source
@@ -280,6 +305,9 @@ class RerunScene:
             stream.log(path, rr.Transform3D(translation=parent_from.translation, quaternion=turn))
         self._cloud(stream, frame)
         self._images(stream, frame)
+        for name in self.cameras:
+            if name in frame.camera:
+                self._camera_image(stream, frame, name)
 
     def _cloud(self, stream: Any, frame: Frame) -> None:
         rr, lidar = self.rr, self.paths["lidar"]
@@ -318,6 +346,19 @@ class RerunScene:
         stream.log(f"{RANGE}/{_COVER}", rr.SegmentationImage((~frame.valid).astype(np.uint8), opacity=1.0))
         stream.log(INTENSITY, rr.Image(frame.intensity_counts, color_model="L"))
 
+    def _camera_image(self, stream: Any, frame: Frame, name: str) -> None:
+        """Write the image of a camera, stretched for a screen, with its exposure and the counts at both ends."""
+        rr, image, stretch = self.rr, frame.camera[name], Stretch.of(name, frame)
+        stream.log(
+            f"{CAMERAS}/{name}",
+            rr.Image(stretch.paint(image.intensity_counts), color_model="RGB"),
+            rr.AnyValues(
+                drop_untyped_nones=False,
+                exposure_s=float(image.exposure_s),
+                stretch_counts=[stretch.low_counts, stretch.high_counts],
+            ),
+        )
+
     def blueprint(self) -> Any:
         """Return the layout of the viewer: space on the left, seen from the lidar's side; images on the right."""
         import rerun.blueprint as layout
@@ -336,6 +377,11 @@ class RerunScene:
         images = layout.Vertical(
             layout.Spatial2DView(origin=RANGE, name=f"{words}: {low} to {high}"),
             layout.Spatial2DView(origin=INTENSITY, name="Intensity [counts]"),
+            *[
+                layout.Spatial2DView(origin=f"{CAMERAS}/{name}", name=f"Camera {name}, stretched")
+                for name in self.cameras
+                if name in self.first.camera
+            ],
         )
         return layout.Blueprint(
             layout.Horizontal(space, images, column_shares=[2.2, 1.0]),

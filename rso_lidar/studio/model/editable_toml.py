@@ -130,8 +130,8 @@ class EditableToml:
             self.set_text(set_value(self._text, place, None), place)
 
     def add_entry(self, place: str, table: dict[str, Any]) -> None:
-        """Add an entry at the end of the list of tables at a place, which is made if it is missing."""
-        entries = self.get(place)
+        """Add an entry at the end of the list of tables at a place, which is made where there is none, or a name."""
+        entries = value if isinstance(value := self.get(place), list) else None
         self.set(f"{place}[{len(entries)}]" if entries else place, table if entries else [table])
 
     def _require_toml(self) -> None:

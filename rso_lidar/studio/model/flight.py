@@ -48,13 +48,22 @@ class PreviewFlight:
             _flights.move_to_end(text)
             return _flights[text]
 
-    def frame(self, row: int, keep: tuple[str, ...] = ()) -> Frame:
-        """Make the frame of a row, bit for bit that of a run."""
+    def frame(self, row: int, keep: tuple[str, ...] = (), cameras: tuple[str, ...] | None = None) -> Frame:
+        """Make the frame of a row, bit for bit that of a run, with the images of some cameras (None: all)."""
         at, traits = self.moments[row], self.scenario.lidar.detector.traits
         lacking = {name for name, has in (("waveforms", traits.has_waveforms), ("taps", traits.has_taps)) if not has}
         rng = self.scenario.rng(at.index, DETECTION)
         kept = tuple(name for name in keep if name not in lacking)
-        return flash(self.scenario, at.truth, rng, lidar=at.lidar, index=at.index, keep=kept, sensors=at.sensors)
+        return flash(
+            self.scenario,
+            at.truth,
+            rng,
+            lidar=at.lidar,
+            index=at.index,
+            keep=kept,
+            sensors=at.sensors,
+            cameras=cameras,
+        )
 
     def truth(self, row: int) -> Truth:
         """Return where everything is at a row."""

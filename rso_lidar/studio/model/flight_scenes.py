@@ -7,15 +7,19 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
+from rso_lidar.imaging import Camera
 from rso_lidar.picture import DARK, is_about_earth, osculating_orbit_m
 from rso_lidar.pose import ROOT
 from rso_lidar.studio.model.flight import PreviewFlight
 from rso_lidar.studio.model.space_scene import SpaceScene
 from rso_lidar.units import DEG, EARTH_RADIUS_M
 
+_CAMERA_LINES = (3, 2, 0)  # colours of cameras, among those of lines
+_BODY_M = 0.12  # size of the drawn body of a camera: that of a usual navigation camera, assumed
 _MM = 1e-6  # 1,000 km, the unit of views of orbits
 
 
@@ -175,4 +179,37 @@ def _add_lidar(scene: SpaceScene, flight: PreviewFlight, row: int) -> None:
         for line in (rim, *edges):  # the beam is dashed: it often ends where the field does
             scene.add("lines", _dash(line) if colour == lines[1] else np.stack([line[:-1], line[1:]], axis=1), colour)
     entries = [(lines[4], "field of view"), (lines[1], "beam (dashed)")]
+    for camera, number in zip(flight.scenario.camera, itertools.cycle(_CAMERA_LINES), strict=False):
+        _add_camera(scene, flight.matrix(row, camera.name), camera, far, lines[number])
+        entries.append((lines[number], f"field of camera {camera.name}"))
     scene.header["legend"] = {"title": f"at {far:,.1f} m", "entries": entries}
+
+
+def _add_camera(scene: SpaceScene, pose: np.ndarray, camera: Camera, far: float, colour: str) -> None:
+    """Add the body of a camera beside the lidar, its name, and the pyramid of its field of view.
+
+    Parameters
+    ----------
+    pose : (4, 4) of the camera in the axes of the view
+    far : length of the pyramid [m]
+    """
+    turn, place = pose[:3, :3], pose[:3, 3] - scene.origin_m
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], float)
+
+    def outline(half: Any, ahead: float) -> np.ndarray:
+        """Return the corners (5, xyz) of a rectangle across the boresight."""
+        corners: np.ndarray = np.column_stack([square * half, np.full(5, ahead)]) @ turn.T + place
+        return corners
+
+    edge = np.asarray(camera.lens.field_edge, float)
+    back, front, lens, rim = (
+        outline(_BODY_M / 2.0, -_BODY_M),
+        outline(_BODY_M / 2.0, 0.0),
+        outline(_BODY_M / 4.0, _BODY_M / 3.0),
+        outline(far * edge, far),
+    )
+    for line in (back, front, lens, rim):
+        scene.path(line, colour)
+    for begin, end in ((back, front), (front, lens), (np.broadcast_to(place, rim.shape), rim)):
+        scene.add("lines", np.stack([begin[:4], end[:4]], axis=1), colour)
+    scene.label(camera.name, place)

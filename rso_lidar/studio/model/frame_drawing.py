@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,23 +10,28 @@ import numpy as np
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.evaluation import compare_frames
 from rso_lidar.export import Recording
-from rso_lidar.picture import Scheme, choose_window, palette
+from rso_lidar.picture import Scheme, choose_camera_window, choose_window, palette
 from rso_lidar.records import Frame
+from rso_lidar.studio.model.camera_image import describe_point, draw_camera_image
 from rso_lidar.studio.model.frame_image import draw_difference, draw_image, mark_pixel
 from rso_lidar.track import locate_centroid
 
 
 @dataclass(frozen=True)
 class DrawnFrame:
-    """What is shown of a frame: images as PNG by title, marks as SVG over the first, and lines of text."""
+    """What is shown of a frame: images as PNG by title, marks as SVG over the first, and lines of text.
+
+    `describe_point` tells what is at a point of an image [pixels], by its title; None where the lidar's image is shown.
+    """
 
     images: dict[str, bytes]
     marks: str
     lines: tuple[str, ...]
+    describe_point: Callable[[str, float, float], str] | None = None
 
 
 def draw_recorded_frame(
-    k: int, recording: Recording, other: Recording | None, marked: bool, scheme: Scheme
+    k: int, recording: Recording, other: Recording | None, marked: bool, scheme: Scheme, camera: str = ""
 ) -> DrawnFrame:
     """Read a frame and draw it, with the frame of the other recording that has its number, by scales that span both.
 
@@ -33,6 +39,7 @@ def draw_recorded_frame(
     ----------
     other : a recording to compare with, or None
     scheme : `LIGHT` or `DARK`
+    camera : whose image is drawn beside the range; empty for range and intensity of the lidar
     """
     try:
         frame = recording[k]
@@ -40,6 +47,8 @@ def draw_recorded_frame(
         second, marks = None, ""
         if other is not None and (rows := np.flatnonzero(other.frame_index[:] == frame.index)).size:
             second = other[int(rows[0])]
+        if camera:
+            return _draw_camera(frame, second, camera, scheme, lines)
         if second is not None:
             lines += compare_frames(frame, second).describe().splitlines()
             window = choose_window(frame, second)
@@ -61,6 +70,38 @@ def draw_recorded_frame(
         return DrawnFrame(images, marks, tuple(lines))
     except (RsoLidarError, OSError) as error:
         return DrawnFrame({}, "", (str(error),))
+
+
+def _draw_camera(frame: Frame, second: Frame | None, camera: str, scheme: Scheme, lines: list[str]) -> DrawnFrame:
+    """Draw the images of a camera, of one frame or of two.
+
+    Parameters
+    ----------
+    second : the frame to compare with, or None
+    """
+    shown = {"A": frame}
+    if second is not None:
+        if _find_shapes(second, camera) == _find_shapes(frame, camera):
+            shown["B"] = second
+        else:
+            lines.append(f"The other recording has no image of {camera} of this size.")
+    windows = choose_window(*shown.values()), choose_camera_window(camera, *shown.values())
+    images = {
+        title: draw_camera_image(drawn, camera, scheme, beside=shown["A"] if title == "B" else shown.get("B"))
+        for title, drawn in shown.items()
+    }
+
+    def describe(title: str, x: float, y: float) -> str:
+        """Describe the pixel at a point of an image."""
+        return describe_point(shown[title], camera, x, y, *windows)
+
+    return DrawnFrame(images, "", tuple(lines), describe)
+
+
+def _find_shapes(frame: Frame, camera: str) -> tuple[tuple[int, ...], ...]:
+    """Return the shapes of the lidar's image, and of that of a camera, if it has one."""
+    image = frame.camera.get(camera)
+    return frame.valid.shape, () if image is None else image.intensity_counts.shape
 
 
 def locate_centers(frame: Frame) -> dict[str, tuple[int, int]]:

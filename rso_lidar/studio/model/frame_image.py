@@ -44,23 +44,37 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, bes
     window, scale = choose_window(*spanned, whole=whole), Scale.of_frames(*spanned)
     saturated = int(frame.saturated.sum())
     kind, low, high = scale.intensity_words
-    ranges, counts = scale.range_rgb(frame.range_m, 0.0), scale.intensity_rgb(frame.intensity_counts)
+    counts = scale.intensity_rgb(frame.intensity_counts)
     false = np.asarray(frame.valid) & ~find_target_returns(frame)
-    ranges[false] = palette.dim(ranges[false], palette.NO_RETURN)
     counts[false] = palette.dim(counts[false], palette.NO_LIGHT)
-    ends_m = (f"{scale.low_m:,.2f}", f"{scale.high_m:,.2f} m")
     panels = (
-        _Panel("Range", "dark: no return, dim: false", colour_maps.RANGE_RAMP, ranges, palette.NO_RETURN, ends_m),
-        _Panel(
+        draw_range_panel(frame, window, scale),
+        Panel(
             kind,
             f"{saturated:,} saturated" if saturated else "",
             colour_maps.INTENSITY_RAMP,
             counts,
             palette.NO_LIGHT,
             (low, high),
+            window,
         ),
     )
-    return _draw_panels(panels, window, Thumbnail.of(frame).pixel_m * max(window.width, window.height), scheme)
+    return draw_panels(panels, measure_width_m(frame, window), scheme)
+
+
+def draw_range_panel(frame: Frame, window: Window, scale: Scale) -> Panel:
+    """Return the panel of the range of a frame; false returns are dim."""
+    ranges = scale.range_rgb(frame.range_m, 0.0)
+    false = np.asarray(frame.valid) & ~find_target_returns(frame)
+    ranges[false] = palette.dim(ranges[false], palette.NO_RETURN)
+    ends_m = (f"{scale.low_m:,.2f}", f"{scale.high_m:,.2f} m")
+    note = "dark: no return, dim: false"
+    return Panel("Range", note, colour_maps.RANGE_RAMP, ranges, palette.NO_RETURN, ends_m, window)
+
+
+def measure_width_m(frame: Frame, window: Window) -> float:
+    """Return the width [m] at the target of a panel with a part of the lidar's field."""
+    return Thumbnail.of(frame).pixel_m * max(window.width, window.height)
 
 
 def draw_difference(first: Frame, other: Frame, scheme: Scheme = LIGHT) -> bytes:
@@ -90,21 +104,22 @@ def draw_difference(first: Frame, other: Frame, scheme: Scheme = LIGHT) -> bytes
         rgb[both & ~true] = palette.dim(rgb[both & ~true], palette.NO_RETURN)
         rgb[~both] = palette.split_rgb(palette.NO_RETURN)
         panels.append(
-            _Panel(
+            Panel(
                 title,
                 "dark: not in both",
                 colour_maps.ERROR_RAMP,
                 rgb,
                 palette.NO_RETURN,
                 (f"−{limit:g}", f"{limit:g} {unit}"),
+                window,
             )
         )
-    return _draw_panels(tuple(panels), window, math.nan, scheme)
+    return draw_panels(tuple(panels), math.nan, scheme)
 
 
 @dataclass(frozen=True, eq=False)
-class _Panel:
-    """One of two panels: title and note above, colours (row, col, rgb), and the words at the ends of its colour bar."""
+class Panel:
+    """One of two panels: title, note, colours (row, col, rgb), the words at the ends of its colour bar, and its window."""
 
     title: str
     note: str
@@ -112,14 +127,15 @@ class _Panel:
     rgb: np.ndarray
     empty: str
     ends: tuple[str, str]
+    window: Window
 
 
-def _draw_panels(panels: tuple[_Panel, ...], window: Window, across_m: float, scheme: Scheme) -> bytes:
+def draw_panels(panels: tuple[Panel, ...], across_m: float, scheme: Scheme) -> bytes:
     """Draw two panels side by side, with axes, colour bars and a scale bar, as PNG.
 
     Parameters
     ----------
-    across_m : width of a panel at the target, NaN for no scale bar
+    across_m : width of the second panel at the target, NaN for no scale bar
     scheme : `LIGHT` or `DARK`
     """
     from PIL import Image, ImageDraw
@@ -128,10 +144,10 @@ def _draw_panels(panels: tuple[_Panel, ...], window: Window, across_m: float, sc
     draw = ImageDraw.Draw(image)
     for number, panel in enumerate(panels):
         left = _LEFT + number * (_SIDE + _GAP)
-        image.paste(draw_panel(window.cut(panel.rgb), _SIDE, panel.empty), (left, _TOP))
+        image.paste(draw_panel(panel.window.cut(panel.rgb), _SIDE, panel.empty), (left, _TOP))
         draw_text(draw, left, 6, panel.title, _TEXT, scheme.ink, bold=True)
         draw_text(draw, left + _SIDE, 6, panel.note, _TEXT - 2, scheme.quiet, "ra")
-        _draw_axes(draw, left, window, scheme)
+        _draw_axes(draw, left, panel.window, scheme)
         bar = Image.fromarray(colour_maps.ramp(panel.ramp)[None]).resize((_SIDE // 2, 14))
         image.paste(bar, (left + _SIDE // 4, _TOP + _SIDE + 38))
         draw_text(draw, left + _SIDE // 4 - 8, _TOP + _SIDE + 36, panel.ends[0], _TEXT - 1, scheme.quiet, "ra")
@@ -155,11 +171,23 @@ def find_pixel(window: Window, x: float, y: float) -> tuple[int, int] | None:
     ----------
     x, y : point [pixels of the image], right and down
     """
+    return next((pixel for number in (0, 1) if (pixel := find_pixel_of_panel(window, x, y, number))), None)
+
+
+def find_pixel_of_panel(window: Window, x: float, y: float, number: int) -> tuple[int, int] | None:
+    """Find the pixel (row, col) at a point of one of the two panels of an image; None beside it.
+
+    Parameters
+    ----------
+    window : that the panel shows
+    x, y : point [pixels of the image], right and down
+    number : 0 for the panel at the left, 1 for that at the right
+    """
     right, down, step = _box(window)
-    for left in (_LEFT, _LEFT + _SIDE + _GAP):
-        col, row = math.floor((x - left - right) / step), math.floor((y - _TOP - down) / step)
-        if 0 <= col < window.width and 0 <= row < window.height:
-            return window.top + row, window.left + col
+    left = _LEFT + number * (_SIDE + _GAP)
+    col, row = math.floor((x - left - right) / step), math.floor((y - _TOP - down) / step)
+    if 0 <= col < window.width and 0 <= row < window.height:
+        return window.top + row, window.left + col
     return None
 
 

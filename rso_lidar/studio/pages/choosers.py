@@ -10,6 +10,7 @@ from typing import Any
 import fastapi
 from nicegui import run, ui
 
+from rso_lidar.imaging import Band
 from rso_lidar.mission_analysis import list_materials
 from rso_lidar.orbit import Omm, Tle
 from rso_lidar.part import Part
@@ -25,6 +26,7 @@ from rso_lidar.studio.state import BrowserTab
 
 _MOST_ROWS, _WIDE = 60, "w-[900px]"
 _KEPT = {"cache-control": "max-age=3600"}  # header of pictures
+_BANDS = {"grey": "visible light", "nir": "near infrared", "rgb": "red, green and blue"}  # as `bands` names them
 _LONG_TABLE = "wrap-cells virtual-scroll style='max-height: 50vh'"
 
 
@@ -162,6 +164,11 @@ def _choose_camera(tab: BrowserTab, place: str) -> None:
         draw_list(((name, str(table.get("what", "")), partial(take, name)) for name, table in presets), "camera")
 
 
+def _choose_bands(tab: BrowserTab, place: str) -> None:
+    with open_dialog("Bands") as dialog:
+        draw_list(((name, what, partial(_set, tab, {place: name}, dialog)) for name, what in _BANDS.items()), "bands")
+
+
 async def choose_unit(tab: BrowserTab, place: str, name: str = "") -> None:
     """Open the dialog that puts a mesh on a target, in the unit that the user knows it to be in.
 
@@ -191,6 +198,7 @@ async def choose_unit(tab: BrowserTab, place: str, name: str = "") -> None:
 _CHOOSERS: dict[tuple[type[Part], str], Chooser] = {
     (Target, "model"): Chooser("Gallery", _choose_model),
     (Target, "scale"): Chooser("Units", choose_unit),
+    (Band, ""): Chooser("By name", _choose_bands),
     (Tle, ""): Chooser("Element sets", _choose_elements),
     (Lidar, "preset"): Chooser("Cameras", _choose_camera),
     (Lambertian, ""): Chooser("Catalogue", _choose_material),

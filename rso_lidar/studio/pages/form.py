@@ -143,7 +143,7 @@ class TableForm:
             if depth >= _DEEPEST:
                 ui.label("Edit this table in the text.").classes("text-sm")
             elif field.kind == "entries":
-                self._draw_entries(field, place, value if isinstance(value, list) else [], depth)
+                self._draw_entries(field, place, value, depth)
             else:
                 self._draw_variant(field, place, value, depth)
 
@@ -164,9 +164,17 @@ class TableForm:
         elif value is not None and chosen is not None:
             self._draw(chosen, place, depth + 1)
 
-    def _draw_entries(self, field: FieldForm, place: str, entries: list[Any], depth: int) -> None:
-        """Draw a list of tables."""
-        for number, entry in enumerate(entries):
+    def _draw_entries(self, field: FieldForm, place: str, value: Any, depth: int) -> None:
+        """Draw a list of tables, or the name that stands for one."""
+        chooser = next((candidate for cls in field.classes if (candidate := find_chooser(cls, ""))), None)
+        with ui.row(wrap=False).classes("w-full items-center gap-1"):
+            if isinstance(value, str):
+                ui.label(f"“{value}”, by name").classes("text-sm")
+            if chooser is not None:
+                draw_button(chooser.title, partial(chooser.open, self._tab, place), f"choose-{place}")
+            if isinstance(value, str):
+                draw_button("Remove", partial(change_document, self._tab, "remove", place), look="flat")
+        for number, entry in enumerate(value if isinstance(value, list) else []):
             chosen, here = field.choose(entry), f"{place}[{number}]"
             with ui.row().classes("items-center"):
                 ui.label(f"{field.key} {number + 1}").classes("font-medium")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-from nicegui import run, ui
+from nicegui import events, run, ui
 
 from rso_lidar.export import Recording
 from rso_lidar.picture import DARK, LIGHT, Scheme
@@ -42,6 +44,8 @@ class FrameViewer:
         with ui.row(wrap=False).classes("w-full items-center gap-3 max-w-[1000px]") as choices:
             self._against = ui.select({None: "nothing"}, value=None, label="Compare with", on_change=self._compare)
             mark(self._against.classes("w-64"), "compare", "dense outlined")
+            self._camera = ui.select({"": "lidar"}, value="", label="Image of", on_change=self._change_camera)
+            mark(self._camera.classes("w-40"), "shown", "dense outlined")
             self._marks = ui.switch("Truth and centroid", on_change=lambda: self._request(self._slider.value))
             mark(self._marks, "marks", "dense")
         self._controls = (player, choices)
@@ -52,10 +56,14 @@ class FrameViewer:
             for title, name in (("A", "A"), ("B", "B"), ("B − A", "difference")):
                 with ui.column().classes("gap-1") as cell:
                     ui.label(f"Recording {title}" if name == title else title).classes("text-sm font-medium")
-                    image = ui.interactive_image(size=IMAGE_SIZE, sanitize=False).classes("w-full")
+                    image = ui.interactive_image(
+                        size=IMAGE_SIZE, on_mouse=partial(self._point, title), events=["mousemove"], sanitize=False
+                    ).classes("w-full")
                 self._images[title] = mark(image, f"frame-{name}", "role=img")
                 image.set_visibility(False)
                 cell.bind_visibility_from(image)
+        self._pixel = mark(ui.label().classes("text-sm tabular-nums"), "pixel")
+        self._describe_point: Callable[[str, float, float], str] | None = None
         ui.on("studio_dark", lambda event: self._set_scheme(DARK if event.args else LIGHT))
         ui.timer(_PLAY_S, self._advance)
 
@@ -103,6 +111,10 @@ class FrameViewer:
         self._show_controls()
         self._title.set_text(f"{name}: {self._recording.source.title}, {len(self):,} frames")
         self._slider.props(f"max={max(len(self) - 1, 0)}")
+        cameras = {"": "lidar"} | {name: name for name in self._recording.camera}
+        if cameras != self._camera.options:
+            self._camera.set_options(cameras, value=self._camera.value if self._camera.value in cameras else "")
+        self._camera.set_visibility(len(cameras) > 1)
 
     async def _open(self, name: str) -> tuple[Recording, bool] | None:
         """Open a recording and say whether it is being written; or show why that is not possible, and return None."""
@@ -114,6 +126,16 @@ class FrameViewer:
         """Open the recording to compare with."""
         self._other = (await self._open(event.value) or (None,))[0] if event.value else None
         await self._request(self._slider.value)
+
+    async def _change_camera(self) -> None:
+        """Show the image of another camera, or of the lidar, whose true origin and centroid can be marked."""
+        self._marks.set_visibility(not self._camera.value)
+        await self._request(self._slider.value)
+
+    def _point(self, title: str, event: events.MouseEventArguments) -> None:
+        text = self._describe_point(title, event.image_x, event.image_y) if self._describe_point else ""
+        if text != self._pixel.text:
+            self._pixel.text = text
 
     def _set_scheme(self, scheme: Scheme) -> Any:
         self._scheme = scheme
@@ -134,7 +156,8 @@ class FrameViewer:
         self._is_drawing = True
         try:
             while self._recording is not None and self._wanted < len(self):
-                asked = (self._wanted, self._recording, self._other, bool(self._marks.value), self._scheme)
+                marked, camera = bool(self._marks.value), str(self._camera.value or "")
+                asked = (self._wanted, self._recording, self._other, marked, self._scheme, camera)
                 if asked == self._shown:
                     return
                 drawn = await run.io_bound(draw_recorded_frame, *asked)
@@ -146,6 +169,7 @@ class FrameViewer:
             self._is_drawing = False
 
     def _show(self, drawn: DrawnFrame) -> None:
+        self._describe_point, self._pixel.text = drawn.describe_point, ""
         self._words.clear()
         with self._words:
             for line in drawn.lines:
@@ -155,5 +179,6 @@ class FrameViewer:
             image.set_visibility(png is not None)
             if png is not None:
                 image.content = drawn.marks if title == "A" else ""
-                image.props["aria-label"] = f"Range and intensity, {title}: {drawn.lines[0]}"
+                what = f"Camera {self._camera.value}" if self._camera.value else "Range and intensity"
+                image.props["aria-label"] = f"{what}, {title}: {drawn.lines[0]}"
                 image.set_source(f"data:image/png;base64,{base64.b64encode(png).decode()}")

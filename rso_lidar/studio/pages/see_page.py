@@ -19,6 +19,7 @@ from rso_lidar.errors import RsoLidarError
 from rso_lidar.mission_analysis import report_pixel
 from rso_lidar.picture import DARK, LIGHT, Scheme, choose_window
 from rso_lidar.records import Frame
+from rso_lidar.studio.model.camera_image import list_bands
 from rso_lidar.studio.model.flight import PreviewFlight
 from rso_lidar.studio.model.flight_scenes import VIEWS, mark_sight
 from rso_lidar.studio.model.frame_image import draw_image, find_pixel, outline_pixel
@@ -26,6 +27,7 @@ from rso_lidar.studio.model.scenario_figures import SCENARIO_FIGURES, CursorAxis
 from rso_lidar.studio.model.space_scene import draw_cloud
 from rso_lidar.studio.model.text_assessment import describe
 from rso_lidar.studio.model.waveform_chart import make_waveform_chart
+from rso_lidar.studio.pages.camera_panel import CameraPanel
 from rso_lidar.studio.pages.elements import Slider, draw_button, draw_icon_button, draw_skeleton, draw_splitter, mark
 from rso_lidar.studio.state import BrowserTab, Workspace
 
@@ -136,17 +138,23 @@ class SeePage:
     def _draw_right(self) -> None:
         names = {
             "image": "Image",
+            "camera": "Camera",
             "cloud": "Point cloud",
             **{k: k.capitalize() for k in SCENARIO_FIGURES},
             "text": "Text",
         }
         with ui.tabs(on_change=self.request).props("dense no-caps align=left inline-label") as self.tabs:
             for name, label in names.items():
-                mark(ui.tab(name, label=label), f"show-{name}")
+                tab = mark(ui.tab(name, label=label), f"show-{name}")
+                if name == "camera":
+                    self.camera_tab = tab
+        self.camera_tab.set_visibility(False)
         self.pictures, self.skeletons = dict[str, ui.interactive_image](), dict[str, Any]()
         with ui.tab_panels(self.tabs, value=self._recall("figure", names, "image")).classes("w-full grow"):
             with ui.tab_panel("image").classes("gap-1 p-1"):
                 self._draw_image_panel()
+            with ui.tab_panel("camera").classes("gap-1 p-1"):
+                self.camera = CameraPanel(self.request, self.tab.selection.get("camera", ""))
             with ui.tab_panel("cloud").classes("h-full gap-1"):
                 with ui.row():
                     colours, ask = ["range", "intensity", "part", "probability"], self.request
@@ -277,7 +285,7 @@ class SeePage:
         for part in self.parts:  # nothing can be seen yet
             part.set_visibility(not text or self.flight is not None)
         self.note.text = "Below: the last version that could be flown." if text and self.flight else ""
-        for element in (self.space, self.image, self.cloud):
+        for element in (self.space, self.image, self.cloud, self.camera.image):
             element.classes("studio-old") if text else element.classes(remove="studio-old")
 
     async def _fly(self) -> None:
@@ -302,6 +310,7 @@ class SeePage:
         self.flight, self.slider.value = flight, min(self.opens_at or int(self.slider.value), last)
         self.opens_at = 0
         self.cloud_axes.set_options(["lidar", *flight.targets])
+        self._offer_cameras(flight)
         self.view.set_options({k: k.capitalize() for k in VIEWS if k != "orbit" or not flight.scenario.is_local})
         self.text.text, self.pixel, self.axis = "", self.first_pixel, None
         self.row.value, self.col.value = (max(k, 0) for k in self.pixel)
@@ -313,6 +322,14 @@ class SeePage:
         self.shelf.clear()
         self.drawn.clear()
         self._complain("")
+
+    def _offer_cameras(self, flight: PreviewFlight) -> None:
+        """Offer the cameras of a flight, and hide their tab where there are none."""
+        cameras = list_bands(flight.scenario.source.scenario) if flight.scenario.camera else {}
+        self.camera.offer(cameras)
+        self.camera_tab.set_visibility(bool(cameras))
+        if not cameras and self.tabs.value == "camera":
+            self.tabs.value = "image"
 
     async def _work(self, action: Callable[..., T], *arguments: Any) -> T:
         """Return the result of work done in a thread; cancel the task where the studio is ending or the tab has closed."""
@@ -330,18 +347,20 @@ class SeePage:
     async def _show(self, flight: PreviewFlight, row: int) -> None:
         """Make and show what is visible of a row."""
         shown, view = self.tabs.value or "image", self.view.value or "target"
+        cameras = (self.camera.camera,) if shown == "camera" and self.camera.camera else ()
         self.when.text = flight.describe_moment(row)
-        for key, value in (("view", view), ("figure", shown), ("frame", str(row))):
-            self.tab.select(key, value)
+        for key, value in (("view", view), ("figure", shown), ("frame", str(row)), ("camera", self.camera.camera)):
+            if value:
+                self.tab.select(key, value)
         if self.frame is None:  # the first one may take long; the view in space does not
             await self._show_space(flight, row, view)
             self.note.text = self.note.text or _FIRST
         keep: tuple[str, ...] = ("waveforms", "taps") if shown == "image" else ()
         if shown == "cloud" and self.colour.value == "probability":
             keep = ("prediction",)
-        if self.frame is None or self.frame_of[:2] != (flight, row) or not {*keep} <= {*self.frame_of[2]}:
-            self.frame = await self._work(flight.frame, row, keep)
-            self.frame_of = flight, row, keep
+        if self.frame is None or self.frame_of[:2] != (flight, row) or not {*keep, *cameras} <= {*self.frame_of[2]}:
+            self.frame = await self._work(flight.frame, row, keep, cameras)
+            self.frame_of = flight, row, keep + cameras
         frame = self.frame
         rows, cols = frame.valid.shape
         if not (0 <= self.pixel[0] < rows and 0 <= self.pixel[1] < cols):  # the brightest
@@ -358,6 +377,9 @@ class SeePage:
             self.cloud.show(self._put("cloud", cloud_bytes, "application/octet-stream"))
         elif shown == "image":
             await self._show_image(flight, row, frame)
+        elif cameras:
+            png = await self._work(self.camera.draw, frame, self.scheme)
+            self.camera.show(frame, self._put("camera", png, "image/png"))
         self.note.text = self.note.text if self.problem.visible else ""
 
     async def _show_space(self, flight: PreviewFlight, row: int, view: str) -> None:

@@ -14,6 +14,7 @@ from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.loop import LiveView
 from rso_lidar.loop.live import queued_view
 from rso_lidar.loop.live.frame_messages import WRITERS, stamp_of
+from rso_lidar.picture import Stretch
 
 pytest.importorskip("foxglove", reason="the extra live is not installed")
 client = pytest.importorskip("websockets.sync.client", reason="websockets is not installed")
@@ -21,16 +22,18 @@ client = pytest.importorskip("websockets.sync.client", reason="websockets is not
 FREE = "127.0.0.1:0"
 DATA = struct.Struct("<BIQ")  # opcode 1, subscription, log time; the message follows
 TOPICS = {*WRITERS, "/targets"}
+LENS = {"fov_deg": 20, "f_number": 4, "n_rows": 6, "n_cols": 8}
+OF_CAMERAS = {"/nav/image", "/nav/calibration", "/wide/image", "/wide/calibration"}
 
 
 class Viewer:
     """A viewer that subscribes to some topics, and collects what comes."""
 
-    def __init__(self, url, topics=TOPICS):
+    def __init__(self, url, topics=TOPICS, count=None):
         self.connection = client.connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None, close_timeout=0.2)
         self.socket = self.connection.__enter__()
         self.channels = {}
-        while len(self.channels) < len(TOPICS):
+        while len(self.channels) < (count or len(TOPICS)):
             tree = json.loads(self.receive_text())
             if tree["op"] == "advertise":
                 self.channels |= {one["topic"]: one for one in tree["channels"]}
@@ -108,6 +111,29 @@ def test_a_viewer_sees_what_the_sensor_said(scenario, frames, watch):
         assert viewer.channels["/lidar/points"]["schemaName"] == "foxglove.PointCloud"
         assert b"PointCloud" in base64.b64decode(viewer.channels["/lidar/points"]["schema"])
     assert (view.shown, view.dropped) == (1, 0)
+
+
+def test_a_viewer_sees_the_images_of_cameras_with_their_pinholes(scenario, watch):
+    cameras = [{"name": "nav", "bands": "rgb", "lens": LENS}, {"name": "wide", "lens": LENS | {"fov_deg": 90}}]
+    flown = scenario.replace(camera=cameras)
+    (frame,) = rl.simulate(flown, frames=[1])
+    with LiveView(flown, FREE) as view:
+        viewer = watch(view.url, OF_CAMERAS | {"/tf"}, len(TOPICS) + 4)
+        wait_until(lambda: all(view._channels[topic].has_sinks() for topic in OF_CAMERAS))
+        view.show(frame)
+        seen = viewer.receive(5)
+    assert seen.keys() == OF_CAMERAS | {"/tf"}
+    assert {stamp for messages in seen.values() for stamp, _ in messages} == {stamp_of(frame)}
+    assert all(name in seen["/tf"][0][1] for name in (b"nav", b"wide"))
+    counts = {name: image.intensity_counts for name, image in frame.camera.items()}
+    ((_, image),) = seen["/wide/image"]
+    assert counts["wide"].tobytes() in image and b"mono16" in image and b"wide" in image
+    ((_, image),) = seen["/nav/image"]
+    assert Stretch.of("nav", frame).paint(counts["nav"]).tobytes() in image and b"rgb8" in image
+    ((_, calibration),) = seen["/wide/calibration"]
+    # Half of 8 columns see half of 90 degrees: a focal length of 4 pixels; (0, 0) is the centre of the first pixel.
+    focal = 4.0 / np.tan(np.deg2rad(45.0))
+    assert np.array([focal, 0, 3.5, 0, focal, 2.5, 0, 0, 1]).tobytes() in calibration
 
 
 def test_a_late_viewer_sees_the_scene_and_the_latest_frame(scenario, frames, watch):

@@ -114,3 +114,79 @@ def test_a_client_that_asks_for_structures_gets_them_and_the_stream_stays_json(s
     assert int.from_bytes(reply[16:24], "little") == 9
     assert len(refusal) == 1 and refusal[0][:6] == b"RSOL\x01\x00" and b"step: dt_ns: should be greater" in refusal[0]
     assert json.loads(published)["frame"]["index"] == 0
+
+
+LENS = {"f_number": 4, "n_rows": 12, "n_cols": 16}
+CAMERAS = [
+    {"name": "nav", "bands": "rgb", "lens": LENS | {"fov_deg": 10}, "mount": {"euler_zyx_deg": [20, -5, 3]}},
+    {"name": "wide", "carrier": "ptu", "lens": LENS | {"fov_deg": 40}, "mount": {"position_m": [0, 0.3, 0]}},
+]
+# An entry of a head of structures, as docs/protocol.md states it
+ENTRY = np.dtype([("name_at", "<u4"), ("dtype", "S4"), ("n_dims", "<u4"), ("shape", "<u4", 4), ("part", "<u4")])
+
+
+def read_structs(head, *parts):
+    """Return the arrays of a message whose head is structures, by path."""
+    arrays = {}
+    for entry in np.frombuffer(head, ENTRY, int.from_bytes(head[84:88], "little"), 88):
+        name = head[entry["name_at"] : head.index(b"\0", entry["name_at"])].decode()
+        shape = entry["shape"][: entry["n_dims"]]
+        arrays[name] = np.frombuffer(parts[entry["part"] - 1], entry["dtype"].decode()).reshape(shape)
+    return arrays
+
+
+def test_images_reach_the_clients_that_ask_for_them_and_no_byte_of_others_changes(scenario):
+    import zmq
+
+    with_cameras = scenario.replace(camera=CAMERAS)
+    (frame,) = rl.simulate(with_cameras, frames=[0])
+
+    def listen(flown, hello=""):
+        """Return the replies to three requests of a plain client, and the stream until the last camera's image."""
+        messages = []
+        with serving(flown, publish="tcp://127.0.0.1:*") as server, zmq.Context() as context:
+            with context.socket(zmq.REQ) as plug, context.socket(zmq.SUB) as stream:
+                plug.rcvtimeo = stream.rcvtimeo = 30_000
+                stream.subscribe("reading" if flown is scenario else "")
+                stream.connect(server.stream)
+                plug.connect(server.endpoint)
+                for text in (f'"hello", "version": 1{hello}', '"step"', '"observation"'):
+                    plug.send_string(f'{{"request": {text}}}')
+                    messages.append(plug.recv_multipart())
+                published = [stream.recv_multipart() for _ in range(1 if flown is scenario else 3)]
+        return messages, published
+
+    plain, (reading,) = listen(scenario)
+    unasked, (same, *of_cameras) = listen(with_cameras)
+    assert unasked == plain and same == reading
+    (_, *asked), (still_same, *_) = listen(with_cameras, ', "head": "struct", "cameras": ["wide"]')
+    assert still_same == reading
+    for message in asked:
+        arrays = read_structs(*message)
+        assert [name for name in arrays if name.startswith("camera/")] == [
+            "camera/wide/intensity_counts",
+            "camera/wide/exposure_s",
+        ]
+        np.testing.assert_array_equal(arrays["camera/wide/intensity_counts"], frame.camera["wide"].intensity_counts)
+        assert arrays["camera/wide/exposure_s"] == 1e-3
+    for (topic, head, image, exposure), (name, taken) in zip(of_cameras, frame.camera.items(), strict=True):
+        assert topic.decode() == f"camera/{name}" and json.loads(head)["frame"]["index"] == 0
+        assert json.loads(head)["records"] == {f"camera/{name}": "CameraImage"}
+        assert (image, exposure) == (taken.intensity_counts.tobytes(), taken.exposure_s.tobytes())
+
+    with serving(with_cameras) as server:
+        with pytest.raises(rl.ScenarioError, match="hello: cameras: no 'nave'; did you mean 'nav'"):
+            rl.loop.Client(server.endpoint, timeout_s=30, cameras=["nave"])
+        with rl.loop.Client(server.endpoint, timeout_s=30, cameras="all") as client:
+            seen = client.step().observation.camera
+            assert list(seen) == ["nav", "wide"]
+            for name, taken in frame.camera.items():
+                np.testing.assert_array_equal(seen[name].intensity_counts, taken.intensity_counts)
+            described = {table["name"]: table for table in client.description["cameras"]}
+    assert described["nav"]["fx"] == pytest.approx(
+        8.0 / np.tan(np.deg2rad(5.0))
+    )  # half of 16 columns see half of 10 deg
+    for name, table in described.items():  # flight software places the camera as the simulation does
+        pose = frame.truth.pose(table["carrier"], name)
+        np.testing.assert_allclose(table["position_m"], pose.translation, atol=1e-12)
+        np.testing.assert_allclose(table["quaternion_xyzw"], pose.rotation.as_quat(canonical=True), atol=1e-12)

@@ -5,8 +5,9 @@ import pytest
 from PIL import Image
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture import animate
+from rso_lidar.picture import Stretch, animate
 from rso_lidar.picture.frames.animation import HEAD, HEIGHT, MARGIN, SIDE, WIDTH
+from rso_lidar.picture.frames.raster import GAP
 from rso_lidar.picture.style.palette import MARK, PAPER, split_rgb
 
 
@@ -41,6 +42,19 @@ def test_a_long_sequence_is_thinned_and_stays_small(handmade, tmp_path):
 def test_one_frame_is_a_film_too(coming, tmp_path):
     with Image.open(animate(coming[:1], tmp_path / "a.gif")) as film:
         assert film.size == (WIDTH, HEIGHT)
+
+
+def test_a_colour_camera_has_a_panel_in_its_colours(handmade, coming, tmp_path):
+    place = animate([handmade.add_camera(frame) for frame in coming[:2]], tmp_path / "a.gif")
+    with Image.open(place) as film:
+        assert film.size == (WIDTH + SIDE + GAP, HEIGHT)
+        drawn = np.asarray(film.convert("RGB")).astype(int)
+    left = WIDTH - MARGIN + GAP  # of the panel: a crop of 8 pixels about the square
+    middle = drawn[HEAD + SIDE // 2, left + SIDE // 2]
+    expected = Stretch(2.0, 900.0).apply(np.array([900, 600, 300]))
+    assert np.abs(middle - expected).max() <= 3
+    assert (drawn[HEAD + 5, left + 5] < 60).all()
+    assert drawn[HEAD : HEAD + SIDE, MARGIN : MARGIN + SIDE].std() > 1
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, -1.0, 60.0, float("nan")])

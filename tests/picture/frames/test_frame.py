@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
 
-from rso_lidar.picture import DARK, colour_parts, draw, frame_figure, rank_parts, save_frame, summarize_frame
+from rso_lidar.picture import DARK, Stretch, colour_parts, draw, frame_figure, rank_parts, save_frame, summarize_frame
 from rso_lidar.picture.frames.frame import _describe_geometry
 from rso_lidar.picture.frames.panels import _free_corner
 from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE
@@ -238,6 +238,17 @@ def test_no_label_of_a_panel_is_cut_at_the_edge_of_the_figure(handmade):
         assert box.x1 <= page.x1
         assert box.y0 >= page.y0
         assert box.y1 <= page.y1
+
+
+def test_the_image_of_a_camera_stands_below_the_lidars(handmade):
+    frame = handmade.add_camera(handmade.make_frame())
+    by_title = panels(frame_figure(frame))
+    assert list(by_title) == ["Range", "Intensity", "Parts, by the labels", "Error", "Camera nav"]
+    values, (top, bottom, left, right) = shown(by_title["Camera nav"])
+    assert (top, bottom, left, right) == (3, 11, 4, 12)  # a crop about rows 5 to 8 and columns 6 to 9
+    painted = Stretch.of("nav", frame).paint(frame.camera["nav"].intensity_counts)
+    np.testing.assert_array_equal(values, painted[3:11, 4:12])
+    assert by_title["Camera nav"].get_title(loc="right").startswith("20 ms; 2 to ")
 
 
 def test_a_notebook_shows_the_picture_of_a_frame(handmade):

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+import rso_lidar as rl
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.picture import Shape, rerun_scene
+from rso_lidar.export import list_cameras
+from rso_lidar.picture import Shape, Stretch, rerun_scene
 from rso_lidar.picture.viewers.rerun_scene import (
     import_rerun,
     open_rerun,
@@ -21,6 +23,7 @@ from rso_lidar.picture.viewers.rerun_scene import (
     write_rerun,
 )
 from rso_lidar.pose import Link, PoseTree
+from tests.settings_for_tests import limit_pixels
 
 PLATE = Shape(
     "tdrs", np.array([[[-3, -3, 0], [3, -3, 0], [3, 3, 0]], [[-3, -3, 0], [3, 3, 0], [-3, 3, 0]]], dtype=float)
@@ -169,6 +172,24 @@ def test_the_mesh_hangs_on_its_axes(scene):
     assert np.array_equal(np.array(mesh["Mesh3D:vertex_positions"]).reshape(-1, 3, 3), PLATE.corners_m)
     normals = np.array(mesh["Mesh3D:vertex_normals"])
     assert np.array_equal(np.abs(normals), np.tile([0.0, 0.0, 1.0], (6, 1)))
+
+
+def test_images_of_cameras_are_stretched_and_their_fields_hang_on_their_axes(rerun, tmp_path):
+    lens = {"fov_deg": 90, "f_number": 4, "n_rows": 6, "n_cols": 8}
+    near = "target[0].motion.position_m=[30, 0, 0]"
+    bench = rl.Scenario.load("examples/bench_plate.toml", settings=(*limit_pixels(8, 1), near))
+    frames = list(rl.simulate(bench.replace(camera=[{"name": "wide", "bands": "rgb", "lens": lens}]), frames=[0, 1]))
+    (camera,) = list_cameras(tmp_path, frames[0].source.scenario)
+    scene = read(write_rerun(frames, tmp_path / "a.rrd", cameras={"wide": camera.pinhole.matrix}))
+    (field,) = (scene[path][None] for path in scene if path.endswith("/wide/field"))
+    # Half of 8 columns see half of 90 degrees; Rerun counts from the corner of the image. Columns come first.
+    np.testing.assert_allclose(field["Pinhole:image_from_camera"][0], [4, 0, 0, 0, 4, 0, 4, 3, 1], atol=1e-6)
+    assert field["Pinhole:resolution"][0] == [8.0, 6.0]
+    for frame in frames:
+        image = scene["/images/camera/wide"][frame.index]
+        shown = np.array(image["Image:buffer"][0], dtype=np.uint8).reshape(6, 8, 3)
+        np.testing.assert_array_equal(shown, Stretch.of("wide", frame).paint(frame.camera["wide"].intensity_counts))
+        assert image["exposure_s"] == [float(frame.camera["wide"].exposure_s)]
 
 
 def test_the_field_is_as_wide_as_the_lidars(scene, coming):

@@ -136,6 +136,33 @@ def test_targets_are_added_and_removed(folder):
     visit(folder, journey)
 
 
+def test_a_camera_is_added_gets_its_lens_and_bands_and_is_removed(folder):
+    async def journey(user, workspace):
+        await user.should_see("Ready to fly", retries=100)
+        document = workspace.open_document("bench.toml")
+        user.find("add-camera").click()
+        await user.should_see("camera[0].lens", retries=100)  # the check says what it needs
+        user.find("table-camera[0]").click()
+        document.set("camera[0].lens", {})
+        for key, value in (("fov_deg", "20"), ("f_number", "4"), ("n_rows", "64"), ("n_cols", "64")):
+            await user.should_see(marker=f"field-camera[0].lens.{key}", retries=100)
+            user.find(f"field-camera[0].lens.{key}").type(value).trigger("change")
+        user.find("choose-camera[0].bands").click()
+        for name in ("grey", "nir", "rgb"):  # all are names that a camera takes
+            await user.should_see(marker=f"bands-{name}", retries=100)
+            user.find(f"bands-{name}").click()
+            assert document.get("camera[0].bands") == name
+            await user.should_see("Ready to fly", retries=100)
+            user.find("choose-camera[0].bands").click()
+        user.find("add-camera[0].bands").click()  # one of the user's own, in place of the name
+        assert [band["name"] for band in document.get("camera[0].bands")] == ["bands_1"]
+        user.find("remove").click()
+        assert "camera" not in document.tables()
+        await user.should_see("Ready to fly", retries=100)
+
+    visit(folder, journey)
+
+
 def test_a_text_that_is_not_toml_keeps_the_page(folder):
     async def journey(user, workspace):
         await user.should_see("Ready to fly", retries=100)
