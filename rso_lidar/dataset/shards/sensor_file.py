@@ -71,7 +71,8 @@ def write_constants(folder: Path, constants: Constants) -> None:
                 group.attrs["lidar"] = constants.lidars[name]
                 _write_sight(group, constants.line_of_sight[name], "lidar")
                 cameras = constants.cameras.get(name, {})
-                of_cameras = group.create_group(_CAMERAS, track_order=True) if cameras else None
+                if cameras:
+                    of_cameras = group.create_group(_CAMERAS, track_order=True)
                 for camera, entry in cameras.items():
                     beside = of_cameras.create_group(camera)
                     beside.attrs["camera"] = entry.table
