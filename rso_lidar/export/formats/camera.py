@@ -32,7 +32,12 @@ class PinholeCamera:
         return (self.focal_px, 0.0, col, 0.0, self.focal_px, row, 0.0, 0.0, 1.0)
 
     def measure_bend_px(self, n_rows: int, n_cols: int) -> float:
-        """Return how far the distortion moves points of the pixels' grid, at most [px]."""
+        """Return how far the distortion moves points of the pixels' grid, at most [px].
+
+        Parameters
+        ----------
+        n_rows, n_cols : size of the image [pixels]
+        """
         x, y = np.meshgrid(*((np.arange(n) - 0.5 * (n - 1)) / self.focal_px for n in (n_cols, n_rows)))
         k1, k2, p1, p2, k3 = self.distortion
         along_x, along_y = (

@@ -57,7 +57,12 @@ class Stretch:
         return Stretch(min(lows), max(highs))
 
     def apply(self, counts: np.ndarray) -> np.ndarray:
-        """Return the values on a screen of counts, as bytes of the same shape."""
+        """Return the values on a screen of counts, as bytes of the same shape.
+
+        Parameters
+        ----------
+        counts : (…) [counts]
+        """
         share = np.clip((counts.astype(np.float32) - self.low_counts) / (self.high_counts - self.low_counts), 0.0, 1.0)
         values: np.ndarray = (255.0 * share ** (1.0 / _GAMMA)).round().astype(np.uint8)
         return values

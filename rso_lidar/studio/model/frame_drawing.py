@@ -12,7 +12,7 @@ from rso_lidar.evaluation import compare_frames
 from rso_lidar.export import Recording
 from rso_lidar.picture import Scheme, choose_camera_window, choose_window, palette
 from rso_lidar.records import Frame
-from rso_lidar.studio.model.camera_image import describe_point, draw_camera_image
+from rso_lidar.studio.model.companion_image import describe_point, draw_camera_image
 from rso_lidar.studio.model.frame_image import draw_difference, draw_image, mark_pixel
 from rso_lidar.track import locate_centroid
 

@@ -9,7 +9,7 @@ from nicegui import events, ui
 
 from rso_lidar.picture import Scheme, choose_camera_window, choose_window
 from rso_lidar.records import Frame
-from rso_lidar.studio.model.camera_image import describe_point, draw_camera_image
+from rso_lidar.studio.model.companion_image import describe_point, draw_camera_image
 from rso_lidar.studio.model.frame_image import IMAGE_SIZE
 from rso_lidar.studio.pages.elements import mark
 

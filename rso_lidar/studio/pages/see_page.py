@@ -19,7 +19,7 @@ from rso_lidar.errors import RsoLidarError
 from rso_lidar.mission_analysis import report_pixel
 from rso_lidar.picture import DARK, LIGHT, Scheme, choose_window
 from rso_lidar.records import Frame
-from rso_lidar.studio.model.camera_image import list_bands
+from rso_lidar.studio.model.companion_image import list_bands
 from rso_lidar.studio.model.flight import PreviewFlight
 from rso_lidar.studio.model.flight_scenes import VIEWS, mark_sight
 from rso_lidar.studio.model.frame_image import draw_image, find_pixel, outline_pixel

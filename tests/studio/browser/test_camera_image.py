@@ -8,7 +8,7 @@ from PIL import Image
 import rso_lidar as rl
 from rso_lidar.picture import choose_camera_window, choose_window
 from rso_lidar.scenario import find_examples
-from rso_lidar.studio.model.camera_image import describe_point, draw_camera_image
+from rso_lidar.studio.model.companion_image import describe_point, draw_camera_image
 from rso_lidar.studio.model.frame_image import mark_pixel
 from tests.studio.browser.page_elements import find, see_variance, wait_until_drawn
 

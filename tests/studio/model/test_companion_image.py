@@ -10,7 +10,7 @@ from PIL import Image
 
 import rso_lidar as rl
 from rso_lidar.picture import DARK, LIGHT, Stretch, choose_camera_window, choose_window
-from rso_lidar.studio.model.camera_image import describe_point, draw_camera_image, list_bands
+from rso_lidar.studio.model.companion_image import describe_point, draw_camera_image, list_bands
 from rso_lidar.studio.model.flight import PreviewFlight
 from rso_lidar.studio.model.flight_scenes import VIEWS
 from rso_lidar.studio.model.frame_drawing import draw_recorded_frame
