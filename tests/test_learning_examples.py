@@ -11,7 +11,8 @@ import rso_lidar as rl
 
 LEARNING = Path(__file__).resolve().parents[1] / "examples" / "learning"
 WITHOUT_TORCH = (
-    "arguments", "frames", "gap", "images", "predictions", "shape", "presence", "noise", "sensors", "study",
+    "arguments", "frames", "gap", "images", "noise", "parts_by_place", "predictions", "presence", "sensors", "shape",
+    "study",
 )  # fmt: skip
 WITH_TORCH = ("pytorch", "networks", "training", "resnet", "pose", "parts", "super_resolution", "explain", "benchmark")
 SPEC = """
@@ -160,7 +161,7 @@ def test_icp_takes_the_guess_that_fits(learning, folder):
         ("parts", ["--epochs", "1"], "part_class_id", (128, 128)),
         ("super_resolution", ["--epochs", "1"], "oversampled_range_m", (512, 512)),
         ("presence", [], "present", ()),
-        ("benchmark", ["--epochs", "1"], "scores", (2,)),
+        ("parts_by_place", [], "part_class_id", (128, 128)),
     ],
 )
 def test_a_baseline_writes_a_prediction_for_each_frame(
@@ -174,6 +175,32 @@ def test_a_baseline_writes_a_prediction_for_each_frame(
         assert found[column].shape == (len(test), *shape)
         assert sorted(found["sample"].tolist()) == sorted(test.column("sample").tolist())
         assert np.isfinite(found["scores"]).all() if column == "scores" else True
+
+
+@pytest.mark.slow
+def test_the_benchmark_sees_with_both_sensors(learning, tmp_path, monkeypatch, capsys):
+    spec = rl.dataset.DatasetSpec.loads(SPEC, folder=LEARNING).replace(scenario="benchmark_1_scenario.toml", draws=1)
+    folder = tmp_path / "two_eyes"
+    test = rl.dataset.make(spec, folder, workers=1).split("test")
+    for name, sensor, options in (
+        ("shape", "camera", []), ("shape", "both", []), ("benchmark", "both", ["--epochs", "1", "--size", "32"]),
+    ):  # fmt: skip
+        place = tmp_path / f"{name}_{sensor}.npz"
+        asked = [name, str(folder), "--sensor", sensor, "--also", str(folder), "-o", str(place), *options]
+        monkeypatch.setattr(sys, "argv", asked)
+        learning[name].main()
+        with np.load(place) as found, np.load(tmp_path / f"{name}_{sensor}_two_eyes.npz") as again:
+            assert found["scores"].shape == (len(test), 2)
+            assert np.all((found["present"] >= 0.0) & (found["present"] <= 1.0))
+            assert np.array_equal(found["scores"], again["scores"])
+    monkeypatch.setattr(
+        sys, "argv", ["sensors", str(folder), "--both", str(tmp_path / "shape_both.npz"), "-o", "x.png"]
+    )
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+    learning["sensors"].main()
+    assert "100 reporting pixels or more" in capsys.readouterr().out
+    assert (tmp_path / "x.png").stat().st_size > 10_000
 
 
 def test_metric_crops_place_returns_in_metres(learning, folder):

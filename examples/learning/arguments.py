@@ -48,7 +48,12 @@ def _predictions_path(text: str) -> str:
 
 
 def parse(
-    what: str, epochs: int = 0, flags: tuple[str, ...] = (), draws: bool = False, sensors: tuple[str, ...] = ()
+    what: str,
+    epochs: int = 0,
+    flags: tuple[str, ...] = (),
+    draws: bool = False,
+    runs: bool = False,
+    sensors: tuple[str, ...] = (),
 ) -> argparse.Namespace:
     """Read the arguments of a baseline.
 
@@ -58,6 +63,7 @@ def parse(
     epochs : default number of epochs; 0 for a baseline without epochs.
     flags : names of further switches.
     draws : whether there is an option for the number of noise draws.
+    runs : whether there is an option for the number of trainings.
     sensors : names to choose from, for a baseline of the benchmark, which also predicts other datasets.
     """
     parser = argparse.ArgumentParser(description=what, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -75,9 +81,10 @@ def parse(
     parser.add_argument("--most", type=_positive, help="greatest number of frames of each split, for a quick trial")
     if draws:
         parser.add_argument("--draws", type=_positive, default=1, help="number of noise draws of each pose to train on")
+    if runs:
+        parser.add_argument("--runs", type=_positive, default=1, help="number of trainings, with seeds from --seed on")
     if sensors:
         parser.add_argument("--sensor", choices=sensors, default=sensors[0], help="what the frames are seen with")
-        parser.add_argument("--runs", type=_positive, default=1, help="number of trainings, with seeds from --seed on")
         parser.add_argument(
             "--also", action="append", default=[], metavar="FOLDER", help="predict the test of this dataset, too"
         )

@@ -160,7 +160,7 @@ def predict(network: Network, crops: Crops) -> tuple[np.ndarray, np.ndarray]:
 
 
 def main() -> None:
-    options = prepare_torch(parse(__doc__, epochs=30, sensors=tuple(SENSORS)))
+    options = prepare_torch(parse(__doc__, epochs=30, runs=True, sensors=tuple(SENSORS)))
     sensors, path = SENSORS[options.sensor], Path(options.output)
     size, most = options.size, options.most
     crops = load_crops(options.dataset, "train", sensors, size, most)

@@ -131,7 +131,7 @@ def measure(folder: str, split: str, sensor: str, most: int | None, draws: int |
 
 
 def main() -> None:
-    options = parse(__doc__, flags=("floor",), draws=True, sensors=("lidar", "camera", "both"))
+    options = parse(__doc__, flags=("floor",), draws=True, runs=True, sensors=("lidar", "camera", "both"))
     path, most = Path(options.output), options.most
     if options.floor:
         returns = load_returns(options.dataset, "train", most=most, draws=options.draws)
