@@ -116,25 +116,28 @@ def tabulate(folder: Path, files: list[str], min_lit_pixels: int) -> None:
     right: dict[str, np.ndarray] = {}
     kept: dict[str, np.ndarray] = {}
     for name in (*list_changes(), SHAPE):
-        if not (folder / name).is_dir():
+        paths = [Path(file).with_stem(f"{Path(file).stem}_{name}") for file in files]
+        if not (folder / name).is_dir() or not all(path.is_file() for path in paths):
+            print(f"{name}: not predicted")
             continue
         data = rl.dataset.open(folder / name)
         split = data.split("test")
         truth = {column: np.asarray(split.column(column)) for column in (*COLUMNS, "model_id")}
-        paths = [Path(file) for file in files]
-        scores = [load_scores(str(path.with_stem(f"{path.stem}_{name}")), truth) for path in paths]
+        scores = [load_scores(str(path), truth) for path in paths]
         right[name] = np.stack(scores).argmax(axis=2) == truth["class_id"]
         kept[name] = kept.get(UNCHANGED, (truth["present"] > 0) & (truth["lit_pixels"] >= min_lit_pixels))
         if name == SHAPE:
             is_other = np.array([model.endswith(".stl") for model in data.models])
             kept[name] = kept[name] & is_other[truth["model_id"]]
     if UNCHANGED not in right:
-        raise DatasetError(f"{folder}: has no folder {UNCHANGED}: make the changes first")
+        raise DatasetError(
+            f"{folder}: has no predictions of {UNCHANGED}: give --also {folder / UNCHANGED} to a baseline"
+        )
     print(f"{'change':16} frames  accuracy         loss, points")
     for name, answers in right.items():
         some = kept[name]
         each = answers[:, some].mean(axis=1)
-        base = right[GREY if name == SHAPE else UNCHANGED]
+        base = right[GREY if name == SHAPE and GREY in right else UNCHANGED]
         loss = 100.0 * (base[:, some].mean(axis=0) - answers[:, some].mean(axis=0))
         print(
             f"{name:16} {some.sum():6} {each.mean():7.1%} ± {each.std(ddof=1) if len(each) > 1 else 0.0:.1%} "
