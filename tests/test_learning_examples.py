@@ -10,8 +10,11 @@ import pytest
 import rso_lidar as rl
 
 LEARNING = Path(__file__).resolve().parents[1] / "examples" / "learning"
-WITHOUT_TORCH = ("arguments", "frames", "predictions", "shape", "presence", "noise", "study")
-WITH_TORCH = ("pytorch", "networks", "training", "resnet", "pose", "parts", "super_resolution", "explain")
+WITHOUT_TORCH = (
+    "arguments", "frames", "gap", "images", "noise", "parts_by_place", "predictions", "presence", "sensors", "shape",
+    "study",
+)  # fmt: skip
+WITH_TORCH = ("pytorch", "networks", "training", "resnet", "pose", "parts", "super_resolution", "explain", "benchmark")
 SPEC = """
 version  = 1
 name     = "Few"
@@ -158,6 +161,7 @@ def test_icp_takes_the_guess_that_fits(learning, folder):
         ("parts", ["--epochs", "1"], "part_class_id", (128, 128)),
         ("super_resolution", ["--epochs", "1"], "oversampled_range_m", (512, 512)),
         ("presence", [], "present", ()),
+        ("parts_by_place", [], "part_class_id", (128, 128)),
     ],
 )
 def test_a_baseline_writes_a_prediction_for_each_frame(
@@ -173,6 +177,32 @@ def test_a_baseline_writes_a_prediction_for_each_frame(
         assert np.isfinite(found["scores"]).all() if column == "scores" else True
 
 
+@pytest.mark.slow
+def test_the_benchmark_sees_with_both_sensors(learning, tmp_path, monkeypatch, capsys):
+    spec = rl.dataset.DatasetSpec.loads(SPEC, folder=LEARNING).replace(scenario="benchmark_1_scenario.toml", draws=1)
+    folder = tmp_path / "two_eyes"
+    test = rl.dataset.make(spec, folder, workers=1).split("test")
+    for name, sensor, options in (
+        ("shape", "camera", []), ("shape", "both", []), ("benchmark", "both", ["--epochs", "1", "--size", "32"]),
+    ):  # fmt: skip
+        place = tmp_path / f"{name}_{sensor}.npz"
+        asked = [name, str(folder), "--sensor", sensor, "--also", str(folder), "-o", str(place), *options]
+        monkeypatch.setattr(sys, "argv", asked)
+        learning[name].main()
+        with np.load(place) as found, np.load(tmp_path / f"{name}_{sensor}_two_eyes.npz") as again:
+            assert found["scores"].shape == (len(test), 2)
+            assert np.all((found["present"] >= 0.0) & (found["present"] <= 1.0))
+            assert np.array_equal(found["scores"], again["scores"])
+    monkeypatch.setattr(
+        sys, "argv", ["sensors", str(folder), "--both", str(tmp_path / "shape_both.npz"), "-o", "x.png"]
+    )
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+    learning["sensors"].main()
+    assert "100 reporting pixels or more" in capsys.readouterr().out
+    assert (tmp_path / "x.png").stat().st_size > 10_000
+
+
 def test_metric_crops_place_returns_in_metres(learning, folder):
     frames = learning["frames"]
     returns = frames.load_returns(str(folder), "train")
@@ -183,6 +213,58 @@ def test_metric_crops_place_returns_in_metres(learning, folder):
     cell_m = 10.0 * float(np.exp(extra[0, 0])) * 2.0 / frames.CROP
     assert wide_m == pytest.approx(np.ptp(point[:, [1, 0]], axis=0), abs=3.0 * cell_m)
     assert np.all(image[0, 3:][:, image[0, 2] == 0.0] == 0.0)
+
+
+def test_turned_crops_keep_returns_at_their_places_in_metres(learning, folder):
+    frames, benchmark = learning["frames"], learning["benchmark"]
+    returns = frames.load_returns(str(folder), "train")
+    image, extra = frames.metric_crop(returns, np.flatnonzero(returns.has_craft))
+    turned = benchmark.turn(benchmark.torch.as_tensor(image), np.random.default_rng(5), benchmark.ACROSS).numpy()
+    half = np.exp(extra[:, 0])[:, None, None, None]
+    expected = frames.cells()[None] * half * turned[:, 2:3]  # down, right
+    cell = 2.0 * half / frames.CROP
+    assert np.all(np.abs(turned[:, 3:] - expected) <= cell)
+    assert turned[:, 2].sum() == pytest.approx(image[:, 2].sum(), rel=0.02)
+
+
+def test_the_largest_bright_group_of_an_image_is_cropped(learning):
+    rng = np.random.default_rng(8)
+    image = rng.normal(64.0, 3.3, (256, 256)).round()
+    assert not learning["images"].find_bright(image)[1].any()  # noise alone
+    image[100:120, 50:90] += 60.0
+    image[100:120, 98:100] += 60.0  # an edge of the same craft, across a shadow of 8 pixels
+    image[200:203, 200:203] += 4000.0  # brighter, but smaller
+    _, bright = learning["images"].find_bright(image)
+    assert bright[101:119, 51:89].all()
+    assert bright[101:119, 98:100].all()
+    assert not bright[190:].any()
+    crop, extra = learning["images"].crop_image(image)
+    half_px = 10.0 * np.exp(extra[0])
+    width_px = np.ptp(np.flatnonzero(crop[1].any(axis=0))) * 2.0 * half_px / learning["frames"].CROP
+    assert width_px == pytest.approx(50.0, abs=3.0)
+
+
+def test_sun_angle_is_zero_with_the_sun_behind_the_sensors(learning):
+    position_m = np.array([[0.0, 0.0, 500.0]] * 3)
+    sun = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert learning["sensors"].find_sun_angle_deg(sun, position_m) == pytest.approx([0.0, 90.0, 180.0])
+
+
+def test_one_frame_in_twenty_without_a_target_is_called(learning):
+    present = np.random.default_rng(2).random((2, 400))
+    is_present = np.arange(400) >= 200
+    called = learning["sensors"].find_called(present, is_present)
+    assert called[:, ~is_present].mean(axis=1).tolist() == [0.05, 0.05]
+
+
+def test_changes_of_the_simulation_keep_the_frames_of_the_benchmark(learning):
+    gap = learning["gap"]
+    spec = rl.dataset.DatasetSpec.load(LEARNING / "benchmark_1.toml")
+    for settings in gap.list_changes().values():
+        rl.Scenario.load(LEARNING / "benchmark_1_scenario.toml", settings)
+        other = gap.change(spec, settings, 30)
+        assert (other.seed, other.view, other.clutter, other.split) == (spec.seed, spec.view, spec.clutter, spec.split)
+        assert [entry.name for entry in other.classes] == [entry.name for entry in spec.classes]
 
 
 @pytest.mark.parametrize("missing", ["torch", "captum", "sklearn"])

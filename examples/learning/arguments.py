@@ -47,7 +47,14 @@ def _predictions_path(text: str) -> str:
     return text
 
 
-def parse(what: str, epochs: int = 0, flags: tuple[str, ...] = (), draws: bool = False) -> argparse.Namespace:
+def parse(
+    what: str,
+    epochs: int = 0,
+    flags: tuple[str, ...] = (),
+    draws: bool = False,
+    runs: bool = False,
+    sensors: tuple[str, ...] = (),
+) -> argparse.Namespace:
     """Read the arguments of a baseline.
 
     Parameters
@@ -56,6 +63,8 @@ def parse(what: str, epochs: int = 0, flags: tuple[str, ...] = (), draws: bool =
     epochs : default number of epochs; 0 for a baseline without epochs.
     flags : names of further switches.
     draws : whether there is an option for the number of noise draws.
+    runs : whether there is an option for the number of trainings.
+    sensors : names to choose from, for a baseline of the benchmark, which also predicts other datasets.
     """
     parser = argparse.ArgumentParser(description=what, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", help="folder that `rso-lidar dataset make` wrote")
@@ -72,6 +81,18 @@ def parse(what: str, epochs: int = 0, flags: tuple[str, ...] = (), draws: bool =
     parser.add_argument("--most", type=_positive, help="greatest number of frames of each split, for a quick trial")
     if draws:
         parser.add_argument("--draws", type=_positive, default=1, help="number of noise draws of each pose to train on")
+    if runs:
+        parser.add_argument("--runs", type=_positive, default=1, help="number of trainings, with seeds from --seed on")
+    if sensors:
+        parser.add_argument("--sensor", choices=sensors, default=sensors[0], help="what the frames are seen with")
+        parser.add_argument(
+            "--also", action="append", default=[], metavar="FOLDER", help="predict the test of this dataset, too"
+        )
+    if sensors and epochs:
+        parser.add_argument("--size", type=int, choices=(32, 64), default=64, help="rows and columns of a crop")
+        parser.add_argument(
+            "--width", type=_positive, default=16, help="channels of the first stage of ResNet-18; the original has 64"
+        )
     if epochs:
         parser.add_argument("--epochs", type=_positive, default=epochs)
         parser.add_argument("--threads", type=_positive, default=1)

@@ -164,7 +164,7 @@ def divide(returns: Returns, seed: int, usable: np.ndarray, share: float = 0.15)
     usable : (frame) whether a frame can be trained on.
     share : of the samples that are held out.
     """
-    samples = np.unique(returns.columns["sample"])
+    samples = np.unique(returns.columns["sample"][usable])
     held = np.random.default_rng(seed).permutation(samples)[: max(1, int(share * len(samples)))]
     held_out = np.isin(returns.columns["sample"], held)
     if not (usable & held_out).any() or not (usable & ~held_out).any():

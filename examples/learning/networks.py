@@ -26,16 +26,19 @@ class Residual(nn.Module):
 
 
 class ResNet18(nn.Module):
-    """Crops (n, channel, row, col), and numbers (n, extra) that join before the last layer, to logits (n, class)."""
+    """Crops (n, channel, row, col), and numbers (n, extra) that join before the last layer, to logits (n, class).
 
-    def __init__(self, classes: int, channels: int = 3, extra: int = 0) -> None:
+    The original has 64 channels in its first stage; a `width` of 16 costs a ninth of the time on a processor.
+    """
+
+    def __init__(self, classes: int, channels: int = 3, extra: int = 0, width: int = 64) -> None:
         super().__init__()
         self.stem = nn.Sequential(
-            _norm(nn.Conv2d(channels, 64, 7, 2, 3, bias=False), 64, nn.ReLU()), nn.MaxPool2d(3, 2, 1)
+            _norm(nn.Conv2d(channels, width, 7, 2, 3, bias=False), width, nn.ReLU()), nn.MaxPool2d(3, 2, 1)
         )
-        widths = [(64, 64, 1), (64, 128, 2), (128, 256, 2), (256, 512, 2)]
+        widths = [(width, width, 1), *((width << k, width << k + 1, 2) for k in range(3))]
         self.stages = nn.ModuleList(nn.Sequential(Residual(a, b, s), Residual(b, b, 1)) for a, b, s in widths)
-        self.last = nn.Linear(512 + extra, classes)
+        self.last = nn.Linear(8 * width + extra, classes)
 
     def forward(self, x: torch.Tensor, extra: torch.Tensor | None = None) -> torch.Tensor:
         x = self.stem(x)

@@ -209,12 +209,15 @@ def main() -> None:
     test = load_returns(options.dataset, "test", most=options.most)
     network = train(returns, data.symmetries, options.epochs, options.seed)
     probability, rotations, origin = predict(network, test)
-    print(accuracy(test, probability))
+    class_of = np.zeros((len(data.models), len(data.classes)), np.float32)
+    class_of[returns.columns["model_id"][returns.has_craft], returns.columns["class_id"][returns.has_craft]] = 1.0
+    scores = probability @ class_of
+    print(accuracy(test, scores))
     quaternion, position = Rotation.from_matrix(rotations[:, 0]).as_quat(canonical=True), origin
     tabulate(test, data.models, data.symmetries, quaternion, position)
     path = Path(options.output)
     before = str(path.with_stem(f"{path.stem}_before_icp"))
-    write(before, options.dataset, test, position_m=position, quaternion_xyzw=quaternion)
+    write(before, options.dataset, test, scores=scores, position_m=position, quaternion_xyzw=quaternion)
     if not options.no_icp:
         position = position.copy()
         meshes, searched = load_meshes(data.models), 0
@@ -231,7 +234,7 @@ def main() -> None:
             quaternion[k], position[k] = found.pose.rotation.as_quat(canonical=True), found.pose.translation
         print(f"after ICP; in {searched} of {len(test)} frames the search found the better fit")
         tabulate(test, data.models, data.symmetries, quaternion, position)
-        write(options.output, options.dataset, test, position_m=position, quaternion_xyzw=quaternion)
+        write(options.output, options.dataset, test, scores=scores, position_m=position, quaternion_xyzw=quaternion)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,20 @@
-"""Classify by shape features of the returns, in metres, with a random forest (scikit-learn).
+"""Classify and detect by shape features of the returns, in metres, with random forests (scikit-learn).
 
 `python examples/learning/shape.py FOLDER -o shape.npz`; with `--floor`, by the number of returns and the range only. Other
 classifiers have to beat that floor, which shows how much a dataset reveals without the shape.
+
+With `--sensor camera`, the features are those of the bright pixels of a camera's image, in angles. With `--sensor both`,
+they are in metres, by the lidar's range, and stand beside those of the returns. `--runs 5` writes five files, and
+`--also OTHER` predicts another dataset.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from arguments import parse, run
 from frames import Returns, load_returns
+from images import CAMERA, load_bright_points
 from predictions import accuracy, write
 
 INTENSITY = (3, 4, 5, 6, 7)  # features of brightness among those of `measure_shape`
@@ -98,16 +104,61 @@ def floor_classifier() -> Any:
     return make_pipeline(StandardScaler(), LogisticRegression(max_iter=1000))
 
 
+def measure(folder: str, split: str, sensor: str, most: int | None, draws: int | None) -> tuple[Returns, np.ndarray]:
+    """Load the frames of a split, and return them with the features (frame, feature) of a sensor.
+
+    Parameters
+    ----------
+    folder : of the dataset.
+    split : its name.
+    sensor : lidar, camera or both.
+    most, draws : greatest number of frames, and of noise draws of a pose; all if None.
+    """
+    returns = load_returns(folder, split, most=most, draws=draws)
+    if sensor == "lidar":
+        return returns, measure_shape(returns)
+    if sensor == "camera":
+        return returns, measure_shape(load_bright_points(folder, split, CAMERA, most=most))
+    lidar = measure_shape(returns)
+    range_m = np.array(
+        [
+            np.linalg.norm(returns.point_m[returns.of(k)], axis=1).mean() if n else 1000.0
+            for k, n in enumerate(returns.count)
+        ]
+    )
+    camera = measure_shape(load_bright_points(folder, split, CAMERA, range_m, most))
+    return returns, np.concatenate([lidar, camera], axis=1)
+
+
 def main() -> None:
-    options = parse(__doc__, flags=("floor",), draws=True)
-    train = load_returns(options.dataset, "train", most=options.most, draws=options.draws)
-    test = load_returns(options.dataset, "test", most=options.most)
-    measure = measure_floor if options.floor else measure_shape
-    model = floor_classifier() if options.floor else classifier(options.seed)
-    model.fit(measure(train)[train.has_craft], train.columns["class_id"][train.has_craft])
-    scores = model.predict_proba(measure(test))
-    print(accuracy(test, scores))
-    write(options.output, options.dataset, test, scores=scores)
+    options = parse(__doc__, flags=("floor",), draws=True, runs=True, sensors=("lidar", "camera", "both"))
+    path, most = Path(options.output), options.most
+    if options.floor:
+        returns = load_returns(options.dataset, "train", most=most, draws=options.draws)
+        features, made = measure_floor(returns), returns.has_craft
+        tests = {options.dataset: load_returns(options.dataset, "test", most=most)}
+        inputs = {options.dataset: measure_floor(tests[options.dataset])}
+    else:
+        returns, features = measure(options.dataset, "train", options.sensor, most, options.draws)
+        made = (features[:, ::40] > 0).any(axis=1) & (
+            returns.columns["class_id"] >= 0
+        )  # a count is the first of 40 features
+        tests, inputs = {}, {}
+        for folder in (options.dataset, *options.also):
+            tests[folder], inputs[folder] = measure(folder, "test", options.sensor, most, None)
+    present = returns.columns["present"] > 0
+    for seed in range(options.seed, options.seed + options.runs):
+        model = floor_classifier() if options.floor else classifier(seed)
+        model.fit(features[made], returns.columns["class_id"][made])
+        detector = None if options.floor or present.all() else classifier(seed).fit(features, present)
+        place = path if options.runs == 1 else path.with_stem(f"{path.stem}_{seed}")
+        for folder, test in tests.items():
+            predicted = {"scores": model.predict_proba(inputs[folder])}
+            if detector is not None:
+                predicted["present"] = detector.predict_proba(inputs[folder])[:, 1]
+            print(accuracy(test, predicted["scores"]))
+            name = place if folder == options.dataset else place.with_stem(f"{place.stem}_{Path(folder).name}")
+            write(str(name), folder, test, **predicted)
 
 
 if __name__ == "__main__":

@@ -19,24 +19,27 @@ COLUMNS = ("sample", "step", "draw", "class_id", "present", "lit_pixels", "repor
 LIT = (1, 10, 30, 100, 300, 1000, 20000)
 
 
-def load_scores(path: str, truth: dict[str, np.ndarray]) -> np.ndarray:
+def load_scores(path: str, truth: dict[str, np.ndarray], name: str = "scores") -> np.ndarray:
     """Return the scores (frame, class) of a file of predictions in the order of the frames of the split.
 
     Parameters
     ----------
     path : of the file.
     truth : columns of the test split.
+    name : of the array; `present` (frame) is another.
     """
+    if not Path(path).is_file():
+        raise DatasetError(f"{path}: no such file: write it with a baseline first")
     with np.load(path) as file:
-        if "scores" not in file:
-            raise DatasetError(f"{path}: has no scores: give a file that shape.py or resnet.py wrote")
+        if name not in file:
+            raise DatasetError(f"{path}: has no {name}: give a file of a baseline that predicts it")
         rows = {key: k for k, key in enumerate(zip(*(file[name].tolist() for name in COLUMNS[:3]), strict=True))}
         asked = list(zip(*(truth[name].tolist() for name in COLUMNS[:3]), strict=True))
         absent = sum(key not in rows for key in asked)
         if absent:
             raise DatasetError(f"{path}: {absent} frames of test are absent: give predictions for this dataset")
         order = [rows[key] for key in asked]
-        return file["scores"][order]
+        return file[name][order]
 
 
 def tabulate(right: np.ndarray, truth: dict[str, np.ndarray], classes: tuple[str, ...]) -> None:
@@ -121,9 +124,6 @@ def main() -> None:
     data = rl.dataset.open(options.dataset)
     split = data.split("test")
     truth = {name: np.asarray(split.column(name)) for name in COLUMNS}
-    absent = [path for path in options.predictions if not Path(path).is_file()]
-    if absent:
-        raise DatasetError(f"{absent[0]}: no such file: write it with shape.py or resnet.py")
     scores = np.stack([load_scores(path, truth) for path in options.predictions])
     tabulate(scores.argmax(axis=2) == truth["class_id"], truth, data.classes)
     if options.output:
