@@ -90,7 +90,8 @@ def resolve_toml(mission: Mission) -> str:
     sums += [
         f"# file {Path(labels.file).name} of {target.name}: SHA-256 {_hash_file(str(mission.file(labels.file)))}"
         for target in mission.target
-        if (labels := target.facet_materials)
+        for labels in (target.facet_materials, target.facet_parts)
+        if labels is not None and labels.file is not None
     ]
     sums += [
         f"# file {Path(file).name} of the lidar: SHA-256 {_hash_file(file)}"
@@ -151,7 +152,7 @@ def _resolve_library_model(target: Target) -> dict[str, Any]:
         return {}
     mesh, kind = entry.mesh, target.taxonomy or entry.taxonomy
     fields = {
-        "library": describe_library_model(entry).model_dump(),
+        "library": describe_library_model(entry).model_dump(exclude_none=True),
         "center_of_mass_m": place_mesh(target, mesh, entry)[1],
         "taxonomy": kind.model_dump(),
         "part_classes": dict(zip(mesh.part_names, find_part_classes(target, mesh), strict=True)),
