@@ -312,7 +312,7 @@ def _label(hits: Hits, electrons: np.ndarray) -> CameraLabels:
     """Label pixels by the part that covers most of each."""
     shape = hits.rays.shape
     target, part = np.full(shape, -1, np.int16), np.full(shape, -1, np.int16)
-    range_m = np.full(shape, np.nan)
+    range_m, facet = np.full(shape, np.nan), np.full(shape, -1, np.int32)
     if len(hits.ray):
         most_parts = int(hits.part.max()) + 1
         piece = hits.target.astype(np.int64) * most_parts + hits.part
@@ -326,6 +326,7 @@ def _label(hits: Hits, electrons: np.ndarray) -> CameraLabels:
         pixel, of = keys[first] // pieces, keys[first] % pieces
         target.ravel()[pixel], part.ravel()[pixel] = of // most_parts, of % most_parts
         range_m.ravel()[pixel] = mean_m[first]
+        facet.ravel()[pixel] = _find_largest_facets(hits, inverse, len(keys))[first]
     filled = np.minimum(_sum_pixels(hits, hits.weight), 1.0)
     return CameraLabels(
         electrons=electrons.astype(np.float32),
@@ -333,4 +334,20 @@ def _label(hits: Hits, electrons: np.ndarray) -> CameraLabels:
         part=part,
         range_m=range_m,
         filled_fraction=filled.astype(np.float32),
+        facet=facet,
     )
+
+
+def _find_largest_facets(hits: Hits, group: np.ndarray, groups: int) -> np.ndarray:
+    """Return for each group of hits (group) its facet with the largest area; of equal ones the first in the file.
+
+    Parameters
+    ----------
+    group : (hit), number of the group
+    """
+    most_facets = int(hits.facet.max()) + 1
+    keys, inverse = np.unique(group * np.int64(most_facets) + hits.facet, return_inverse=True)
+    area = np.round(np.bincount(inverse, hits.weight), 9)
+    order = np.lexsort((-area, keys // most_facets))
+    largest: np.ndarray = keys[order][np.searchsorted(keys[order] // most_facets, np.arange(groups))] % most_facets
+    return largest

@@ -1,6 +1,7 @@
 """One laser flash: a photon goes through the rooms once, in order, and never turns back."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from rso_lidar.records import (
     Truth,
 )
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
+from rso_lidar.simulation.keypoint_labels import label_camera_keypoints, label_keypoints
 
 _CAMERAS = 1000  # first of the stages of noise of the cameras, in their order
 KEPT = ("rays", "hits", "signal", "photons", "taps", "waveforms", "oversampled", "prediction")
@@ -86,6 +88,7 @@ def flash(
     else:
         reading, waveforms = detector.detect(photons, lidar.detector, rng, threads)
     labels = detector.label_flags(lidar.detector, labels, photons, reading)
+    labels = replace(labels, **label_keypoints(scenario, scenario.apply_light_time(truth), receiver))
     records: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "signal": signal, "photons": photons}
     records |= {"taps": taps, "waveforms": waveforms}
     if "oversampled" in keep:
@@ -126,7 +129,9 @@ def take_images(
     for number, camera in enumerate(scenario.cameras):
         surfaces = scenario.camera_surfaces[camera.name]
         noise, pattern_seed = scenario.rng(index, _CAMERAS + number), scenario.seed_of(camera.name)
-        images[camera.name] = imaging.take_image(camera, truth, surfaces, natural, flash, noise, pattern_seed, threads)
+        image, labels = imaging.take_image(camera, truth, surfaces, natural, flash, noise, pattern_seed, threads)
+        keypoints = label_camera_keypoints(scenario, truth, camera, image)
+        images[camera.name] = image, replace(labels, **keypoints)
     return images
 
 

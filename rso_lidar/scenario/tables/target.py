@@ -9,7 +9,7 @@ from pydantic import Field, Strict, model_validator
 from rso_lidar.errors import MeshError, ScenarioError
 from rso_lidar.motion import RESERVED_AXES, Body, HingeAxes
 from rso_lidar.part import Positive, Text, Vector
-from rso_lidar.records import PartClass, Symmetry, Taxonomy
+from rso_lidar.records import Keypoint, PartClass, Symmetry, Taxonomy
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.facet_parts import FacetParts
 from rso_lidar.scenario.tables.fragment import Fragment, name_fragment
@@ -96,6 +96,17 @@ class Target(Body):
             "origin with a warning."
         ),
     )
+    keypoint: tuple[Keypoint, ...] | None = Field(
+        default=None,
+        description="Named points on the target, whose places in images are labelled. If omitted, those of the catalogue.",
+    )
+    keypoint_file: Text | None = Field(
+        default=None,
+        description=(
+            "Path of a .csv file of keypoints (name, x, y, z, part), in the unit and axes of the mesh file; not together "
+            "with `keypoint`."
+        ),
+    )
     joint: tuple[Joint, ...] = Field(default=(), description="Hinges that turn some of the target's parts.")
     taxonomy: Taxonomy | None = Field(
         default=None,
@@ -133,6 +144,8 @@ class Target(Body):
             raise ValueError("library is for a model of your own library, by its name; leave it out")
         if self.scale is not None and self.size_m is not None:
             raise ValueError("give scale or size_m, not both")
+        if self.keypoint is not None and self.keypoint_file is not None:
+            raise ValueError("give keypoint or keypoint_file, not both")
         names = [joint.name for joint in self.joint]
         if len(set(names)) < len(names):
             raise ValueError(f"joint: two have the same name ({', '.join(names)}); rename one")

@@ -109,7 +109,9 @@ def mark_shadowed(
             count = 0
 
 
-def find_hidden(direction: np.ndarray, surfaces: Sequence[Surface], truth: Truth) -> np.ndarray:
+def find_hidden(
+    direction: np.ndarray, surfaces: Sequence[Surface], truth: Truth, reach_m: np.ndarray | None = None
+) -> np.ndarray:
     """Find the directions from the lidar's origin that meet a target.
 
     Parameters
@@ -117,6 +119,7 @@ def find_hidden(direction: np.ndarray, surfaces: Sequence[Surface], truth: Truth
     direction : (ray, xyz) unit vectors in lidar axes
     surfaces : the surfaces of all targets, each in its own axes
     truth : where the surfaces are
+    reach_m : (ray), distance to which each ray goes [m] (None: without end)
 
     Returns
     -------
@@ -125,11 +128,12 @@ def find_hidden(direction: np.ndarray, surfaces: Sequence[Surface], truth: Truth
     n = len(direction)
     met, asked = np.zeros(n, dtype=bool), np.ones(n, dtype=bool)
     nowhere, along = packed(np.zeros((3, n))), packed(np.asarray(direction, dtype=float).T)
+    reach = packed(np.full(n, np.inf) if reach_m is None else reach_m)
     embree = engine()
     for surface in surfaces if n else ():
         origin, turn = truth.poses.place(surface.name, "lidar")
         scene, sphere = surface.scene(embree), np.append(*surface.sphere)
-        rays = packed(asked), nowhere, nowhere, 0.0, along, packed(np.full(n, np.inf))
+        rays = packed(asked), nowhere, nowhere, 0.0, along, reach
         placed = packed(np.asarray(origin)), packed(np.asarray(turn)), packed(sphere)
         mark_shadowed(met, *rays, *placed, embree.occluded, scene.address, embree.width)
         embree.check()

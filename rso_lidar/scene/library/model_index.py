@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, mode
 from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, has_warnings_enabled, warn
 from rso_lidar.files import MOST_BYTES, read_bytes, read_text
 from rso_lidar.part import MOST_TOML_BYTES, Count, NotNegative, Positive, Text, Vector, Whole, explain, parse_toml
-from rso_lidar.records import OTHER, PART_CLASSES, Hinge, PartClass, Symmetry, Taxonomy
+from rso_lidar.records import OTHER, PART_CLASSES, Hinge, Keypoint, PartClass, Symmetry, Taxonomy
 from rso_lidar.scene.meshes.facet_groups import group_facets
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
@@ -53,6 +53,8 @@ class ModelEntry(BaseModel):
         Class, shape, size and rotation
     hinges
         Parts that turn, and their axes, in mesh coordinates
+    keypoints
+        Named points, in mesh coordinates with all hinges at zero
     symmetry
         Rotations that a lidar cannot tell apart, in mesh coordinates with all hinges at zero; None where there are none
     path
@@ -87,6 +89,7 @@ class ModelEntry(BaseModel):
     part_classes: dict[Text, PartClass] = {}
     taxonomy: Taxonomy
     hinges: tuple[Hinge, ...] = Field(default=(), alias="hinge")  # as the tables of the index are called
+    keypoints: tuple[Keypoint, ...] = Field(default=(), alias="keypoint")
     symmetry: Symmetry | None = None
     scale: Positive = 1.0
     mesh_axes: Literal["z_up", "y_up"] = "z_up"

@@ -1,4 +1,4 @@
-"""Groups of facets of a mesh, by a table that lists facets or by the materials of the mesh's file, and parts made of them."""
+"""Groups of facets of a mesh, by a table of facets or by the materials of the mesh's file, and parts made of them."""
 
 from __future__ import annotations
 
