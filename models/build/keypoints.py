@@ -95,9 +95,15 @@ def _find_ends(vertices: np.ndarray, middle: np.ndarray) -> dict[str, np.ndarray
     corners: dict[str, np.ndarray] = {}
     for end, sign in (("root", -tip), ("tip", tip)):
         pair = [_find_edge(vertices, scaled[:, [along, 1 - along]] @ np.array([sign, side])) for side in (-1, 1)]
-        pair.sort(key=lambda corner: tuple(np.round(corner, _DIGITS).tolist()))  # not by the sense of a singular vector
+        pair.sort(key=_get_place)
         corners |= {f"{end}_{number}": corner for number, corner in enumerate(pair, 1)}
     return corners
+
+
+def _get_place(corner: np.ndarray) -> list[float]:
+    """Return a rounded position, to sort by: the sense of a singular vector is arbitrary."""
+    rounded: list[float] = np.round(corner, _DIGITS).tolist()
+    return rounded
 
 
 def _find_edge(vertices: np.ndarray, reach: np.ndarray) -> np.ndarray:

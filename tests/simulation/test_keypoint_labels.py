@@ -130,7 +130,7 @@ motion = { type = "fixed", position_m = [20, -1, 0] }
     def place(text):
         text = text.replace("euler_zyx_deg = [25, -20, 40]", "euler_zyx_deg = [0, 0, 0]")
         return text.replace("[40, 0.5, -1]", "[40, 0.5, 0]").replace("[follower]", other + "[follower]")
-    )  # noqa: E731
+
     frame, _ = fly(tmp_path, trimesh.creation.box((1, 6, 1)), points, place)
     own = frame.labels.keypoint_visibility[:4]
     assert own.tolist() == [1, 0, 0, 2]
