@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from rso_lidar import scene, units
@@ -11,7 +9,6 @@ from rso_lidar.imaging import Camera
 from rso_lidar.optics import Receiver
 from rso_lidar.records import CameraImage, Truth
 from rso_lidar.scenario import Scenario
-from rso_lidar.scene import Surface
 
 # Share of the radius of a target by which a surface may lie before a point that still counts as visible: a quarter of a
 # pixel of a craft that is 100 pixels across. A choice, with which the corners of most panels count from both sides.
@@ -19,9 +16,7 @@ TOLERANCE = 5e-3
 OUTSIDE, HIDDEN, VISIBLE = 0, 1, 2  # as the flags of COCO
 
 
-def label_keypoints(
-    scenario: Scenario, truth: Truth, lens: Receiver, surfaces: Sequence[Surface] | None = None
-) -> dict[str, np.ndarray]:
+def label_keypoints(scenario: Scenario, truth: Truth, lens: Receiver) -> dict[str, np.ndarray]:
     """Label the keypoints of all targets in the image of one sensor.
 
     A point is visible if it is in the field and no surface crosses the ray to it, except within the last 5 thousandths of
@@ -32,7 +27,6 @@ def label_keypoints(
     scenario : with its targets
     truth : poses of all bodies, with the sensor at the "lidar" axes
     lens : lens and focal plane of the sensor
-    surfaces : of all targets (None: those at the laser's wavelength; the geometry is the same)
 
     Returns
     -------
@@ -55,7 +49,7 @@ def label_keypoints(
     asked = np.flatnonzero(is_inside)
     reach_m = np.maximum(range_m[asked] - tolerance_m[asked], 0.0)
     direction = points[asked] / range_m[asked, None]
-    is_hidden = scene.find_hidden(direction, surfaces or scenario.surfaces, truth, reach_m)
+    is_hidden = scene.find_hidden(direction, scenario.surfaces, truth, reach_m)
     visibility[asked] = np.where(is_hidden, HIDDEN, VISIBLE)
     place_px = np.stack([row, col], axis=1) - 0.5
     return {
@@ -77,21 +71,14 @@ def place_keypoints(scenario: Scenario, truth: Truth) -> tuple[np.ndarray, np.nd
     -------
     (keypoint, xyz) positions in lidar axes [m], and (keypoint) tolerances of their visibility [m].
     """
-    places: list[np.ndarray] = []
-    tolerances: list[float] = []
-    for number, (target, entry) in enumerate(zip(scenario.target, scenario.source.targets, strict=True)):
-        if not entry.keypoints:
-            continue
-        carriers = {part: joint for joint in target.joints for part in joint.parts}
-        tolerance_m = TOLERANCE * max(surface.radius_m for surface in scenario.surfaces_of(number))
-        for point in entry.keypoints:
-            joint = carriers.get(point.part or "")
-            axes = target.name if joint is None else target.joint_axes(joint)
-            position_m = np.array(point.position_m) - (0.0 if joint is None else np.array(joint.position_m))
-            origin_m, turn = truth.poses.place("lidar", axes)
-            places.append(origin_m + turn @ position_m)
-            tolerances.append(tolerance_m)
-    return np.array(places).reshape(-1, 3), np.array(tolerances)
+    groups = scenario.carried_points
+    count = sum(len(group.index) for group in groups)
+    places_m, tolerance_m = np.empty((count, 3)), np.empty(count)
+    for group in groups:
+        origin_m, turn = truth.poses.place("lidar", group.axes)
+        places_m[group.index] = origin_m + group.position_m @ turn.T
+        tolerance_m[group.index] = TOLERANCE * group.radius_m
+    return places_m, tolerance_m
 
 
 def label_camera_keypoints(

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.files import read_text
-from rso_lidar.records import Keypoint
+from rso_lidar.records import Keypoint, TargetEntry
 from rso_lidar.scenario.mission.target_surfaces import place_mesh
 from rso_lidar.scenario.tables.joints import ModelPlacement
 from rso_lidar.scenario.tables.target import Target
@@ -20,6 +21,50 @@ from rso_lidar.scene import Mesh, load_mesh, model
 _HEADS = ("name", "x", "y", "z")
 _MOST_BYTES = 1_000_000  # of a table: some ten thousand points, far more than a craft has
 _MOST_POINTS = 1000
+
+
+class CarriedPoints(NamedTuple):
+    """Keypoints that some axes carry: of a body, or of one of its hinges.
+
+    Attributes
+    ----------
+    axes : name of the axes
+    index : (point), place of each among the keypoints of all targets
+    position_m : (point, xyz) in these axes [m]
+    radius_m : radius of the target about its origin [m]
+    """
+
+    axes: str
+    index: np.ndarray
+    position_m: np.ndarray
+    radius_m: float
+
+
+def group_keypoints(
+    targets: Sequence[Target], entries: Sequence[TargetEntry], radii_m: Sequence[float]
+) -> tuple[CarriedPoints, ...]:
+    """Group the keypoints of all targets by the axes that carry them.
+
+    Parameters
+    ----------
+    targets, entries : of a scenario, and their entries in its source
+    radii_m : radius of each target about its origin [m]
+    """
+    groups, first = [], 0
+    for target, entry, radius_m in zip(targets, entries, radii_m, strict=True):
+        carriers = {part: joint for joint in target.joints for part in joint.parts}
+        of_axes: dict[str, list[tuple[int, np.ndarray]]] = {}
+        for index, point in enumerate(entry.keypoints, first):
+            joint = carriers.get(point.part or "")
+            axes, origin_m = target.name, np.zeros(3)
+            if joint is not None:
+                axes, origin_m = target.joint_axes(joint), np.array(joint.position_m)
+            of_axes.setdefault(axes, []).append((index, np.array(point.position_m) - origin_m))
+        for axes, points in of_axes.items():
+            index, position_m = (np.array(values) for values in zip(*points, strict=True))
+            groups.append(CarriedPoints(axes, index, position_m, radius_m))
+        first += len(entry.keypoints)
+    return tuple(groups)
 
 
 def find_keypoints(target: Target, mesh: Mesh, file: Callable[[str], Path]) -> tuple[Keypoint, ...]:
