@@ -99,7 +99,7 @@ if _TYPE_CHECKING:
         facet_forces,
     )
     from rso_lidar.scene import Lambertian, Phong
-    from rso_lidar.simulation import Simulation, flash, simulate
+    from rso_lidar.simulation import Simulation, find_normals, flash, simulate
     from rso_lidar.study import trade
 
     __version__: str
@@ -171,6 +171,7 @@ __all__ = [
     "draw",
     "export",
     "facet_forces",
+    "find_normals",
     "flash",
     "imaging",
     "loop",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
+    from rso_lidar.records.boxes import LabelBox, find_box, find_boxes
     from rso_lidar.records.facet_table import FacetTable, grid_directions
     from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation, Source, TargetEntry
     from rso_lidar.records.image import CameraImage, CameraLabels
@@ -77,6 +78,7 @@ __all__ = [
     "Hinge",
     "Hits",
     "Keypoint",
+    "LabelBox",
     "Labels",
     "MotionQuantity",
     "ObjectClass",
@@ -110,6 +112,8 @@ __all__ = [
     "array",
     "classify_size",
     "compute_viewing_geometry",
+    "find_box",
+    "find_boxes",
     "find_shadow_spans_s",
     "grid_directions",
     "join_samples",

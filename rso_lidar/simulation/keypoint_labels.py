@@ -72,12 +72,12 @@ def place_keypoints(scenario: Scenario, truth: Truth) -> tuple[np.ndarray, np.nd
     (keypoint, xyz) positions in lidar axes [m], and (keypoint) tolerances of their visibility [m].
     """
     groups = scenario.carried_points
-    count = sum(len(group.index) for group in groups)
+    count = sum(len(group.place) for group in groups)
     places_m, tolerance_m = np.empty((count, 3)), np.empty(count)
     for group in groups:
         origin_m, turn = truth.poses.place("lidar", group.axes)
-        places_m[group.index] = origin_m + group.position_m @ turn.T
-        tolerance_m[group.index] = TOLERANCE * group.radius_m
+        places_m[group.place] = origin_m + group.position_m @ turn.T
+        tolerance_m[group.place] = TOLERANCE * group.radius_m
     return places_m, tolerance_m
 
 
@@ -98,5 +98,10 @@ def label_camera_keypoints(
     dict of ndarray
         Fields of `CameraLabels`; empty if no target has keypoints.
     """
+    return label_keypoints(scenario, view_from_camera(truth, camera, image), camera.lens)
+
+
+def view_from_camera(truth: Truth, camera: Camera, image: CameraImage) -> Truth:
+    """Return the truth at the middle of the exposure of an image, with the camera at the "lidar" axes."""
     middle_s = camera.start_ms * units.MS + 0.5 * (float(image.exposure_s) + camera.rows_s)
-    return label_keypoints(scenario, truth.view_from(camera.name).extrapolate(middle_s), camera.lens)
+    return truth.view_from(camera.name).extrapolate(middle_s)

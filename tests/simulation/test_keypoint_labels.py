@@ -215,3 +215,23 @@ def test_a_table_of_points_that_does_not_fit_is_one_line(tmp_path, table, line):
     with pytest.raises(rl.RsoLidarError, match=line) as caught:
         _ = rl.Scenario.load(tmp_path / "scene.toml").source
     assert "\n" not in str(caught.value)
+
+
+def test_normals_of_both_sensors_are_those_of_the_facets_that_label_the_pixels(tmp_path):
+    """A turned box: the normals of trimesh, by the label of the facet, and toward the sensor."""
+    box = trimesh.creation.box((2, 3, 1))
+    frame, scenario = fly(tmp_path, box, np.zeros((1, 3)))
+    mesh = trimesh.load(tmp_path / "craft.stl", process=False)
+    mount = Rotation.from_euler("ZYX", [3, 2, 0], degrees=True).as_matrix()
+    for camera, labels, turn in (
+        (None, frame.labels, OPTICAL @ BODY),
+        ("nav", frame.camera_labels["nav"], OPTICAL @ mount.T @ BODY),
+    ):
+        normals = rl.find_normals(frame, scenario, camera)
+        on = labels.target >= 0
+        assert np.isnan(normals[~on]).all() and np.count_nonzero(on) > 20
+        expected = np.asarray(mesh.face_normals)[labels.facet[on]] @ turn.T
+        assert normals[on] == pytest.approx(expected, abs=1e-6)  # a closed box shows its outer sides only
+        assert len(np.unique(labels.facet[on])) >= 3
+    with pytest.raises(rl.RsoLidarError, match="no camera 'nave' in the frame; did you mean 'nav'"):
+        rl.find_normals(frame, scenario, "nave")

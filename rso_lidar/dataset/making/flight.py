@@ -18,7 +18,7 @@ from rso_lidar.dataset.specification.tables import OptionalLabels
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.records import Command, Frame, Observation
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation import DETECTION, flash, simulate
+from rso_lidar.simulation import DETECTION, find_normals, flash, simulate
 from rso_lidar.track import Pointing
 
 
@@ -130,6 +130,10 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
     if plan.spec.labels.oversampled:
         fine: Any = frame.kept["oversampled"]
         optional |= {"oversampled_range_m": fine.range_m, "oversampled_photons": fine.photons}
+    if plan.spec.labels.normals:
+        optional["normal"] = find_normals(frame, scenario)
+    if plan.spec.labels.keypoints:
+        optional |= _pad_keypoints(frame, sample.target, plan.most_keypoints)
     return LabelledFrame(
         range_m=frame.range_m,
         intensity_counts=frame.intensity_counts,
@@ -161,6 +165,26 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
         part_light_fraction=labelling.part_light_fraction,
         **optional,
     )
+
+
+def _pad_keypoints(frame: Frame, own: int | None, count: int) -> dict[str, np.ndarray]:
+    """Return place and visibility of the keypoints of a sample's target, in arrays of as many as any model has.
+
+    Parameters
+    ----------
+    own : index of the target; None without one
+    count : greatest number of keypoints of a model
+    """
+    if not count:
+        return {}
+    place_px, visibility = np.full((count, 2), np.nan, np.float32), np.zeros(count, np.uint8)
+    targets, labels = frame.source.targets, frame.labels
+    if own is not None and labels.keypoint_px is not None and labels.keypoint_visibility is not None:
+        first = sum(len(target.keypoints) for target in targets[:own])
+        points = slice(first, first + len(targets[own].keypoints))
+        mine = len(targets[own].keypoints)
+        place_px[:mine], visibility[:mine] = labels.keypoint_px[points], labels.keypoint_visibility[points]
+    return {"keypoint_px": place_px, "keypoint_visibility": visibility}
 
 
 def number_bodies(target: np.ndarray, own: int | None) -> np.ndarray:

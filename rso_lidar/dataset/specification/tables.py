@@ -263,6 +263,12 @@ class OptionalLabels(Part):
     oversampled: Flag = Field(
         default=False, description="Range and photons on the finer grid of rays, for super-resolution."
     )
+    keypoints: Flag = Field(
+        default=False, description="Places of the target's keypoints in the image, and which of them are visible."
+    )
+    normals: Flag = Field(
+        default=False, description="Normal of what is in each pixel, in lidar axes; three numbers a pixel."
+    )
 
 
 class ReferencePointing(Part):

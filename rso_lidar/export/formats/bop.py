@@ -29,7 +29,7 @@ from rso_lidar.export.layout.datasets import compute_lidar_poses
 from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_files import describe_frame, get_file_stem, write_new_file, write_source
 from rso_lidar.export.writer.frame_stream import take_first
-from rso_lidar.records import Frame
+from rso_lidar.records import Frame, find_box
 from rso_lidar.units import MM
 
 SCENE = "000000"
@@ -287,11 +287,8 @@ def _describe_objects(
 
 def _find_box(mask: np.ndarray) -> list[int]:
     """Return left, top, width and height of the set pixels; four times -1 without any."""
-    row, col = np.nonzero(mask)
-    if not len(row):
-        return [-1, -1, -1, -1]
-    left, top = int(col.min()), int(row.min())
-    return [left, top, int(col.max()) - left + 1, int(row.max()) - top + 1]
+    top, left, bottom, right = find_box(mask).tolist()
+    return [left, top, right - left + 1, bottom - top + 1] if top >= 0 else [-1, -1, -1, -1]
 
 
 @contextmanager

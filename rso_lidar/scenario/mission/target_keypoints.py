@@ -29,13 +29,13 @@ class CarriedPoints(NamedTuple):
     Attributes
     ----------
     axes : name of the axes
-    index : (point), place of each among the keypoints of all targets
+    place : (point), index of each among the keypoints of all targets
     position_m : (point, xyz) in these axes [m]
     radius_m : radius of the target about its origin [m]
     """
 
     axes: str
-    index: np.ndarray
+    place: np.ndarray
     position_m: np.ndarray
     radius_m: float
 
@@ -61,8 +61,8 @@ def group_keypoints(
                 axes, origin_m = target.joint_axes(joint), np.array(joint.position_m)
             of_axes.setdefault(axes, []).append((index, np.array(point.position_m) - origin_m))
         for axes, points in of_axes.items():
-            index, position_m = (np.array(values) for values in zip(*points, strict=True))
-            groups.append(CarriedPoints(axes, index, position_m, radius_m))
+            place = np.array([index for index, _ in points])
+            groups.append(CarriedPoints(axes, place, np.array([position for _, position in points]), radius_m))
         first += len(entry.keypoints)
     return tuple(groups)
 

@@ -14,7 +14,7 @@ from tests.dataset.bench_for_tests import find_sample, make_spec
 
 GSFL = 'lidar.detector={type="gsfl"}'
 SUNLIT = (GSFL, "world.sun_direction=[-1, 0.2, 0.1]", "lidar.receiver.filter_width_nm=10.0")
-ALL_LABELS = {"part_visibility": True, "oversampled": True}
+ALL_LABELS = dict.fromkeys(("part_visibility", "oversampled", "keypoints", "normals"), True)
 
 
 @pytest.mark.parametrize(
