@@ -85,6 +85,7 @@ if _TYPE_CHECKING:
         DataLink,
         Dispersion,
         FacetMaterials,
+        FacetParts,
         Follower,
         Fragment,
         HeightField,
@@ -98,7 +99,7 @@ if _TYPE_CHECKING:
         facet_forces,
     )
     from rso_lidar.scene import Lambertian, Phong
-    from rso_lidar.simulation import Simulation, flash, simulate
+    from rso_lidar.simulation import Simulation, find_normals, flash, simulate
     from rso_lidar.study import trade
 
     __version__: str
@@ -116,6 +117,7 @@ __all__ = [
     "Dispersion",
     "Empirical",
     "FacetMaterials",
+    "FacetParts",
     "FirstOrder",
     "Fixed",
     "FixedAttitude",
@@ -169,6 +171,7 @@ __all__ = [
     "draw",
     "export",
     "facet_forces",
+    "find_normals",
     "flash",
     "imaging",
     "loop",

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from models.build.build import builders
+from models.build.keypoints import find_keypoints
 from models.build.materials import MATERIALS
 from rso_lidar.shapes import CraftModel, glb
 from rso_lidar.shipped import shipped
@@ -62,6 +63,7 @@ def statement(model: CraftModel, content: bytes) -> dict[str, Any]:
         "parts": model.materials,
         "part_classes": model.part_classes,
         "taxonomy": model.taxonomy.model_dump(),
+        "keypoint": [point.model_dump(exclude_none=True) for point in find_keypoints(model.parts, model.part_classes)],
         "hinge": [hinge.model_dump(exclude_none=True) for hinge in model.hinges],
     } | symmetry
 

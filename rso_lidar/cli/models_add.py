@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 import typer
 
-from rso_lidar.cli.models_show import list_own_models
+from rso_lidar.cli.models_show import ByMaterial, FacetPartsFile, list_own_models
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError, did_you_mean
 from rso_lidar.records import ObjectClass, ShapeFamily, Stabilisation
@@ -30,6 +30,8 @@ def add(
         list[str] | None,
         typer.Option("--part-class", metavar="PART=CLASS", help="Common class of one part; may be repeated."),
     ] = None,
+    facet_parts: FacetPartsFile = None,
+    by_material: ByMaterial = False,
     center_of_mass: Annotated[
         str | None, typer.Option("--center-of-mass", metavar="X,Y,Z", help="In metres, in the mesh's axes.")
     ] = None,
@@ -75,6 +77,8 @@ def add(
         material=material,
         part_materials=_parse_pairs("--part-material", "NAME", "bus=mli_gold", part_material or []),
         part_classes=_parse_pairs("--part-class", "CLASS", "wing=solar_array", part_class or []),
+        facet_parts=facet_parts,
+        by_material=by_material,
         center_of_mass_m=_parse_point(center_of_mass),
         what=what,
         taxonomy={

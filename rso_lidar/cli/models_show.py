@@ -9,10 +9,11 @@ from rich.table import Table
 from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
-from rso_lidar.errors import RsoLidarError
+from rso_lidar.errors import MeshError, RsoLidarError
 from rso_lidar.files import check_writable
 from rso_lidar.mission_analysis import ModelCard, make_model_card
 from rso_lidar.picture import FIGURE_SUFFIXES
+from rso_lidar.scenario import FacetParts
 from rso_lidar.scene import models, own_models
 
 _PIPE_WIDTH = 40  # columns of characters of the narrowest terminal that is served
@@ -27,6 +28,22 @@ def list_own_models() -> list[str]:
         return []
 
 
+FacetPartsFile = Annotated[
+    Path | None,
+    typer.Option("--facet-parts", metavar="TABLE", help="Parts of facets: a .csv (facet, part) or a .npy."),
+]
+ByMaterial = Annotated[bool, typer.Option("--by-material", help="Each material of the file is a part.")]
+
+
+def read_facet_parts(table: Path | None, by_material: bool) -> FacetParts | None:
+    """Return what two options say about the parts of facets; raise `MeshError` where both are given."""
+    if table is not None and by_material:
+        raise MeshError("--facet-parts and --by-material: both make the parts; give one")
+    if by_material:
+        return FacetParts(by="material")
+    return None if table is None else FacetParts(file=str(table))
+
+
 def show(
     name: Annotated[
         str,
@@ -38,8 +55,10 @@ def show(
     ],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Picture of four sides by part and by material (.png, .pdf, .svg)."),
+        typer.Option("-o", "--output", help="Picture of four sides by part, class, material (.png, .pdf, .svg)."),
     ] = None,
+    facet_parts: FacetPartsFile = None,
+    by_material: ByMaterial = False,
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -47,7 +66,7 @@ def show(
     if output is not None:
         output = check_writable(output, FIGURE_SUFFIXES, overwrite=overwrite)
     scheme = choose_scheme(dark, [output])
-    card = make_model_card(name)
+    card = make_model_card(name, facet_parts=read_facet_parts(facet_parts, by_material))
     drawn = card.save(output, scheme) if output is not None else None  # before a reader of the text may go away
     console = make_console()
     for line in (card.what, *card.lines):
@@ -55,6 +74,9 @@ def show(
     console.print()
     wide = make_console(_PIPE_WIDTH)  # files and pipes get whole lines
     wide.print(_tabulate_light(card))
+    console.print()
+    wide.print(_tabulate_classes(card))
+    console.print(card.describe_unassigned(), soft_wrap=True)
     console.print()
     wide.print(_tabulate_parts(card, wide.width))
     console.print("\nBody axes, from the centre of mass.")
@@ -74,6 +96,18 @@ def _describe_joint(name: str, card: ModelCard) -> str:
     hinge = known.hinges[0]
     angle_deg = min(30.0, hinge.travel_deg[1]) or hinge.travel_deg[0]
     return f'A hinge: joint = [{{ name = "{hinge.name}", angle = {{ type = "fixed", angle_deg = {angle_deg:g} }} }}]'
+
+
+def _tabulate_classes(card: ModelCard) -> Table:
+    """Return the common class, the facets, the area and its share of each part of a model."""
+    whole_m2 = sum(part.area_m2 for part in card.parts)
+    table = Table(box=None, header_style="bold", padding=(0, _GAP, 0, 0), pad_edge=False)
+    for head in ("part", "class", "facets", "area, m2", "share"):
+        table.add_column(head, no_wrap=True, justify="left" if head in ("part", "class") else "right")
+    for part in card.parts:
+        cells = f"{part.facets:,}", f"{part.area_m2:.4g}", f"{part.area_m2 / whole_m2:.1%}"
+        table.add_row(part.name, part.part_class, *cells)
+    return table
 
 
 def _tabulate_parts(card: ModelCard, width: int) -> Table:

@@ -323,21 +323,22 @@ def _label(hits: Hits, electrons: np.ndarray) -> CameraLabels:
     """Label pixels by the part that covers most of each."""
     shape = hits.rays.shape
     target, part = np.full(shape, -1, np.int16), np.full(shape, -1, np.int16)
-    range_m = np.full(shape, np.nan)
+    range_m, facet = np.full(shape, np.nan), np.full(shape, -1, np.int32)
     if len(hits.ray):
         most_parts = int(hits.part.max()) + 1
         piece = hits.target.astype(np.int64) * most_parts + hits.part
         first = np.flatnonzero(np.diff(hits.pixel, prepend=-1))  # hit of each pixel
         pixel, of = hits.pixel[first], np.maximum.reduceat(piece, first)
         area, moment_m = np.add.reduceat(hits.weight, first), np.add.reduceat(hits.weight * hits.range_m, first)
-        is_mixed = np.minimum.reduceat(piece, first) < of
+        of_facet = np.maximum.reduceat(hits.facet, first)
+        is_mixed = (np.minimum.reduceat(piece, first) < of) | (np.minimum.reduceat(hits.facet, first) < of_facet)
         if is_mixed.any():
             mixed = np.repeat(is_mixed, np.diff(first, append=len(piece)))
-            of[is_mixed], area[is_mixed], moment_m[is_mixed] = _choose_pieces(
-                hits.pixel[mixed], piece[mixed], hits.weight[mixed], hits.range_m[mixed]
+            of[is_mixed], area[is_mixed], moment_m[is_mixed], of_facet[is_mixed] = _choose_pieces(
+                hits.pixel[mixed], piece[mixed], hits.weight[mixed], hits.range_m[mixed], hits.facet[mixed]
             )
         target.ravel()[pixel], part.ravel()[pixel] = of // most_parts, of % most_parts
-        range_m.ravel()[pixel] = moment_m / area
+        range_m.ravel()[pixel], facet.ravel()[pixel] = moment_m / area, of_facet
     filled = np.minimum(_sum_pixels(hits, hits.weight), 1.0)
     return CameraLabels(
         electrons=electrons.astype(np.float32),
@@ -345,12 +346,13 @@ def _label(hits: Hits, electrons: np.ndarray) -> CameraLabels:
         part=part,
         range_m=range_m,
         filled_fraction=filled.astype(np.float32),
+        facet=facet,
     )
 
 
 def _choose_pieces(
-    pixel: np.ndarray, piece: np.ndarray, weight: np.ndarray, range_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    pixel: np.ndarray, piece: np.ndarray, weight: np.ndarray, range_m: np.ndarray, facet: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Choose the piece that covers most of each pixel; of equal ones, the first.
 
     Parameters
@@ -359,14 +361,33 @@ def _choose_pieces(
     piece : (hit) number of the target's part
     weight : (hit) share of the pixel's area
     range_m : (hit) [m]
+    facet : (hit) index of the facet
 
     Returns
     -------
-    The piece (pixel), its share of the pixel, and its mean range times that share [m].
+    The piece (pixel), its share of the pixel, its mean range times that share [m], and its facet with the largest area.
     """
     pieces = int(piece.max()) + 1
     keys, inverse = np.unique(pixel.astype(np.int64) * pieces + piece, return_inverse=True)
     area, moment_m = np.bincount(inverse, weight), np.bincount(inverse, weight * range_m)
     order = np.lexsort((-area, keys // pieces))
     most = order[np.unique(keys[order] // pieces, return_index=True)[1]]
-    return keys[most] % pieces, area[most], moment_m[most]
+    largest = _find_largest_facets(inverse, weight, facet)
+    return keys[most] % pieces, area[most], moment_m[most], largest[most]
+
+
+def _find_largest_facets(group: np.ndarray, weight: np.ndarray, facet: np.ndarray) -> np.ndarray:
+    """Return for each group of hits (group) its facet with the largest area; of equal ones the first in the file.
+
+    Parameters
+    ----------
+    group : (hit), number of the group
+    weight : (hit) share of the pixel's area
+    facet : (hit) index of the facet
+    """
+    most_facets = int(facet.max()) + 1
+    keys, inverse = np.unique(group * np.int64(most_facets) + facet, return_inverse=True)
+    area = np.round(np.bincount(inverse, weight), 9)
+    order = np.lexsort((-area, keys // most_facets))
+    largest: np.ndarray = keys[order[np.unique(keys[order] // most_facets, return_index=True)[1]]] % most_facets
+    return largest

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
+    from rso_lidar.records.boxes import LabelBox, find_box, find_boxes
     from rso_lidar.records.facet_table import FacetTable, grid_directions
     from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation, Source, TargetEntry
     from rso_lidar.records.image import CameraImage, CameraLabels
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
         FRAGMENT_LENGTHS_M,
         FragmentKind,
         Hinge,
+        Keypoint,
         ObjectClass,
         ShapeFamily,
         SizeClass,
@@ -75,6 +77,8 @@ __all__ = [
     "GyroSamples",
     "Hinge",
     "Hits",
+    "Keypoint",
+    "LabelBox",
     "Labels",
     "MotionQuantity",
     "ObjectClass",
@@ -108,6 +112,8 @@ __all__ = [
     "array",
     "classify_size",
     "compute_viewing_geometry",
+    "find_box",
+    "find_boxes",
     "find_shadow_spans_s",
     "grid_directions",
     "join_samples",

@@ -13,7 +13,7 @@ from rso_lidar.records.image import CameraImage, CameraLabels
 from rso_lidar.records.part_classes import PartClass
 from rso_lidar.records.reading import Labels, Reading
 from rso_lidar.records.schema import Record, array
-from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records.taxonomy import Keypoint, Taxonomy
 from rso_lidar.records.telemetry import SensorSamples
 from rso_lidar.records.truth import Truth
 
@@ -32,6 +32,7 @@ class TargetEntry:
     facets: int  # in the source file, before repairs
     taxonomy: Taxonomy | None = None  # None if not stated
     part_classes: tuple[PartClass, ...] = ()  # one for each part; empty in recordings older than part classes
+    keypoints: tuple[Keypoint, ...] = ()  # in body axes; labels of all targets' keypoints follow one another
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,11 @@ class Source:
     seed: int
     versions: Mapping[str, str]
     targets: tuple[TargetEntry, ...]
+
+    @property
+    def keypoints(self) -> tuple[tuple[str, str], ...]:
+        """Names of target and keypoint, in the order of the labels of keypoints."""
+        return tuple((target.name, point.name) for target in self.targets for point in target.keypoints)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

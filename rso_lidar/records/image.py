@@ -21,7 +21,8 @@ class CameraImage(Record):
 class CameraLabels(Record):
     """True content of the pixels of one camera, at the middle of its exposure.
 
-    Target, part and distance are those of the part that covers most of the pixel.
+    Target, part, facet and distance are those of the part that covers most of the pixel, and of its largest facet there.
+    Keypoints are in the order of `Source.keypoints`.
     """
 
     electrons: np.ndarray = array(
@@ -31,3 +32,19 @@ class CameraLabels(Record):
     part: np.ndarray = array("row col", "i2", "1", "index of the target's part, -1 for sky")
     range_m: np.ndarray = array("row col", "f8", "m", "slant distance from the camera's origin, NaN for sky")
     filled_fraction: np.ndarray = array("row col", "f4", "1", "share of the pixel's area that is on a target")
+    facet: np.ndarray | None = array(
+        "row col", "i4", "1", "facet index in the source file, -1 for sky; None in older recordings", optional=True
+    )
+    keypoint_px: np.ndarray | None = array(
+        "keypoint row_col",
+        "f8",
+        "1",
+        "row and column of each keypoint, 0 at the centre of the first pixel; NaN outside the field",
+        optional=True,
+    )
+    keypoint_range_m: np.ndarray | None = array(
+        "keypoint", "f8", "m", "distance of each keypoint from the sensor's origin", optional=True
+    )
+    keypoint_visibility: np.ndarray | None = array(
+        "keypoint", "u1", "1", "0 outside the field, 1 hidden by a target, 2 visible", optional=True
+    )

@@ -115,7 +115,7 @@ class Labels(Record):
     """True content of each pixel, as far as it is lit.
 
     A pixel with several clusters is labelled by its brightest cluster. Within it, part and target are those that
-    return most light, and the facet is that of their brightest return.
+    return most light, and the facet is that of their brightest return. Keypoints are in the order of `Source.keypoints`.
     """
 
     range_m: np.ndarray = array(
@@ -171,4 +171,17 @@ class Labels(Record):
         "1",
         "1 where the depths of the light about the reported range lengthen its pulse by more than a fifth",
         optional=True,
+    )
+    keypoint_px: np.ndarray | None = array(
+        "keypoint row_col",
+        "f8",
+        "1",
+        "row and column of each keypoint, 0 at the centre of the first pixel; NaN outside the field",
+        optional=True,
+    )
+    keypoint_range_m: np.ndarray | None = array(
+        "keypoint", "f8", "m", "distance of each keypoint from the sensor's origin", optional=True
+    )
+    keypoint_visibility: np.ndarray | None = array(
+        "keypoint", "u1", "1", "0 outside the field, 1 hidden by a target, 2 visible", optional=True
     )

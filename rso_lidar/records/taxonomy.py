@@ -1,4 +1,4 @@
-"""Taxonomy of targets, and hinges of their models."""
+"""Taxonomy of targets, and hinges and keypoints of their models."""
 
 from __future__ import annotations
 
@@ -89,6 +89,19 @@ class Hinge(Part):
         if not low <= 0.0 <= high or low == high:
             raise ValueError("travel_deg: the range must contain 0, where the mesh stands; correct the limits")
         return self
+
+
+class Keypoint(Part):
+    """A named point on a target, whose place in images is labelled.
+
+    In a scenario `position_m` is in body axes, with all hinges at zero. In the index of models it is in mesh axes.
+    """
+
+    name: Name = Field(description="Name of the point.")
+    position_m: Vector = Field(description="Position, with all hinges at zero, in body axes [m].")
+    part: Text | None = Field(
+        default=None, description="Part that carries the point along when a hinge turns it. If omitted, the body."
+    )
 
 
 def classify_size(longest_m: float) -> SizeClass:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     )
     from rso_lidar.scenario.mission.target_surfaces import (
         build_whole_surface,
+        find_part_classes,
         find_symmetry,
         find_taxonomy,
         name_part_materials,
@@ -78,6 +79,9 @@ if TYPE_CHECKING:
     )
     from rso_lidar.scenario.tables.facet_materials import (
         FacetMaterials,
+    )
+    from rso_lidar.scenario.tables.facet_parts import (
+        FacetParts,
     )
     from rso_lidar.scenario.tables.finding import (
         Finding,
@@ -133,6 +137,7 @@ __all__ = [
     "ElementSetErrors",
     "Example",
     "FacetMaterials",
+    "FacetParts",
     "FilePart",
     "Finding",
     "Follower",
@@ -154,6 +159,7 @@ __all__ = [
     "facet_forces",
     "find_aspects",
     "find_examples",
+    "find_part_classes",
     "find_probability",
     "find_symmetry",
     "find_target",

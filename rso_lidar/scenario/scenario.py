@@ -12,6 +12,7 @@ from rso_lidar.scenario.assessment.advice import advise
 from rso_lidar.scenario.assessment.description import describe
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.mission.provenance import build_source
+from rso_lidar.scenario.mission.target_keypoints import CarriedPoints, group_keypoints
 
 
 class Scenario(Mission):
@@ -36,6 +37,15 @@ class Scenario(Mission):
     def source(self) -> Source:
         """Record of where frames come from, which every frame carries."""
         return build_source(self)
+
+    @cached_property
+    def carried_points(self) -> tuple[CarriedPoints, ...]:
+        """Keypoints of all targets, by the axes that carry them."""
+        radii_m = [
+            max(surface.radius_m for surface in self.surfaces_of(number)) if entry.keypoints else 0.0
+            for number, entry in enumerate(self.source.targets)
+        ]
+        return group_keypoints(self.target, self.source.targets, radii_m)
 
     def dumps(self) -> str:
         """Return the scenario as TOML, with every default written out and element sets inline.

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rso_lidar.scene.library.mesh_units import list_units
     from rso_lidar.scene.library.model_index import (
         ModelEntry,
+        guess_part_classes,
         is_mesh_path,
         load_materials,
         model,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from rso_lidar.scene.materials.phong import Lambertian, Phong
     from rso_lidar.scene.materials.retro import RetroReflector
     from rso_lidar.scene.materials.scatterer import Material, Scatterer, complete
+    from rso_lidar.scene.meshes.facet_groups import format_span, group_facets, read_facet_words
     from rso_lidar.scene.meshes.height_field import MOST_HEIGHT_CELLS, build_height_field, load_height_field
     from rso_lidar.scene.meshes.mesh import (
         Mesh,
@@ -98,6 +100,9 @@ __all__ = [
     "find_material",
     "find_textures",
     "find_top_heights",
+    "format_span",
+    "group_facets",
+    "guess_part_classes",
     "is_mesh_path",
     "label",
     "library",
@@ -112,6 +117,7 @@ __all__ = [
     "own_folder",
     "own_models",
     "read_facet_colours",
+    "read_facet_words",
     "recolor_sunlight",
     "remove_model",
     "render_portrait",

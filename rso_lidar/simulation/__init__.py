@@ -6,6 +6,7 @@ from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
     from rso_lidar.simulation.laser_flash import flash, read_images
+    from rso_lidar.simulation.normals import find_normals
     from rso_lidar.simulation.run import simulate
     from rso_lidar.simulation.state import SimulationState
     from rso_lidar.simulation.stepping import DETECTION, POINTING, Moment, Simulation
@@ -18,6 +19,7 @@ __all__ = [
     "Moment",
     "Simulation",
     "SimulationState",
+    "find_normals",
     "flash",
     "read_images",
     "simulate",

@@ -1,6 +1,7 @@
 """One laser flash: a photon goes through the rooms once, in order, and never turns back."""
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from rso_lidar.records import (
     Truth,
 )
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
+from rso_lidar.simulation.keypoint_labels import label_camera_keypoints, label_keypoints
 
 _CAMERAS = 1000  # first of the stages of noise of the cameras, in their order
 KEPT = ("rays", "hits", "signal", "photons", "taps", "waveforms", "oversampled", "prediction")
@@ -88,6 +90,7 @@ def flash(
     else:
         reading, waveforms = detector.detect(photons, lidar.detector, rng, threads)
     labels = detector.label_flags(lidar.detector, labels, photons, reading)
+    labels = replace(labels, **label_keypoints(scenario, scenario.apply_light_time(truth), receiver))
     records: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "signal": signal, "photons": photons}
     records |= {"taps": taps, "waveforms": waveforms}
     if "oversampled" in keep:
@@ -137,7 +140,9 @@ def take_images(
             continue
         surfaces = scenario.camera_surfaces[camera.name]
         noise = scenario.rng(index, _CAMERAS + number)
-        images[camera.name] = imaging.take_image(camera, truth, surfaces, natural, flash, noise, threads)
+        image, labels = imaging.take_image(camera, truth, surfaces, natural, flash, noise, threads)
+        keypoints = label_camera_keypoints(scenario, truth, camera, image)
+        images[camera.name] = image, replace(labels, **keypoints)
     return images
 
 

@@ -89,6 +89,7 @@ class Simulation:
         self._numbers = scenario.time.choose_frames(frames)
         # Computed once, before threads and processes share them.
         _ = scenario.surfaces, scenario.source, scenario.instrument, scenario.exposure, scenario.camera_surfaces
+        _ = scenario.carried_points
         with scenario.locate_errors():
             world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
             exposure_s = scenario.lidar.exposure_s

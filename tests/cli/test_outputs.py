@@ -22,6 +22,7 @@ READS = [
     ("fit", "own"),
     ("waveforms", "data"),
     ("parameters", "requirements"),
+    *((name, "facet_parts") for name in ("add", "show")),
     *(("serve", name) for name in ("token_file", "curve_key", "curve_clients")),
 ]
 WRITES = (

@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.detector import mark_reports
 from rso_lidar.errors import RecordError
-from rso_lidar.records import OTHER, PART_CLASSES, Frame, Hits, Photons, Record, Source, array
+from rso_lidar.records import OTHER, PART_CLASSES, Frame, Hits, Photons, Record, Source, array, find_box
 from rso_lidar.scenario import Scenario
 
 LEAST_PHOTONS = 1.0  # expected photons of the target in a lit pixel, at least; a choice
@@ -112,15 +112,3 @@ def number_part_classes(source: Source, part_classes: Sequence[str]) -> np.ndarr
         for part, name in enumerate(target.part_classes):
             row[part] = numbers.get(name, numbers[OTHER])
     return classes
-
-
-def find_box(marked: np.ndarray) -> np.ndarray:
-    """Return first row, first column, last row and last column of the marked pixels (row, col), or -1 where none is.
-
-    >>> find_box(np.array([[False, True, True], [False, False, True]])).tolist()
-    [0, 1, 1, 2]
-    """
-    if not marked.any():
-        return np.full(4, -1, np.int16)
-    rows, cols = np.flatnonzero(marked.any(axis=1)), np.flatnonzero(marked.any(axis=0))
-    return np.array([rows[0], cols[0], rows[-1], cols[-1]], np.int16)

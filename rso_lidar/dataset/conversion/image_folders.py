@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
-from rso_lidar.dataset.annotation.frame_labels import LEAST_PHOTONS, find_box
+from rso_lidar.dataset.annotation.frame_labels import LEAST_PHOTONS
 from rso_lidar.dataset.conversion.frame_batches import ExportedFrame, read_batches, read_frames
 from rso_lidar.dataset.shards.layout import name_camera_array
 from rso_lidar.export import choose_depth_scale, encode_png, quantize_depth, split_bands
+from rso_lidar.records import find_box
 from rso_lidar.units import MM
 
 if TYPE_CHECKING:

@@ -22,6 +22,7 @@ from rso_lidar.errors import DatasetError, ScenarioError, add_place, did_you_mea
 from rso_lidar.files import convert_path, expand_user
 from rso_lidar.part import parse_toml
 from rso_lidar.scenario import Scenario, apply_setting, read_toml
+from rso_lidar.scene import models, own_models
 from rso_lidar.shipped import find
 from rso_lidar.user_settings import is_trusted
 
@@ -74,6 +75,22 @@ class DatasetPlan:
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields without cached properties, which another process computes again."""
         return {field.name: self.__dict__[field.name] for field in dataclasses.fields(self)}
+
+    @cached_property
+    def keypoints(self) -> dict[str, tuple[str, ...]]:
+        """Names of the keypoints of each model; none of fragments, and of meshes that only a class names."""
+        known = {name: entry for name, entry in {**own_models(), **models()}.items() if name in self.models}
+        names = {name: tuple(point.name for point in entry.keypoints) for name, entry in known.items()}
+        own = self.scenario().source.targets[self.target_index].keypoints
+        for target_class, of_class in zip(self.spec.classes, self.class_models, strict=True):
+            if not (target_class.empty or target_class.replaces_target):
+                names[of_class[0]] = tuple(point.name for point in own)
+        return {name: names.get(name, ()) for name in self.models}
+
+    @property
+    def most_keypoints(self) -> int:
+        """Greatest number of keypoints of a model."""
+        return max(map(len, self.keypoints.values()), default=0)
 
     @cached_property
     def target_index(self) -> int:

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import detector
-from rso_lidar.dataset.annotation.frame_labels import find_box, label_frame, number_part_classes
+from rso_lidar.dataset.annotation.frame_labels import label_frame, number_part_classes
 from rso_lidar.dataset.annotation.part_visibility import measure_part_visibility
 from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.sample import Sample, draw_sample
 from rso_lidar.dataset.shards.layout import LabelledFrame, LabelledImage
 from rso_lidar.dataset.specification.tables import OptionalLabels
 from rso_lidar.pose import ROOT, rotate_vectors
-from rso_lidar.records import PART_CLASSES, Command, Frame, Observation
+from rso_lidar.records import PART_CLASSES, Command, Frame, Observation, find_box
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation import DETECTION, flash, read_images, simulate
+from rso_lidar.simulation import DETECTION, find_normals, flash, read_images, simulate
 from rso_lidar.track import Pointing
 from rso_lidar.units import MS
 
@@ -133,6 +133,10 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
     if plan.spec.labels.oversampled:
         fine: Any = frame.kept["oversampled"]
         optional |= {"oversampled_range_m": fine.range_m, "oversampled_photons": fine.photons}
+    if plan.spec.labels.normals:
+        optional["normal"] = find_normals(frame, scenario)
+    if plan.spec.labels.keypoints:
+        optional |= _pad_keypoints(frame, sample.target, plan.most_keypoints)
     return LabelledFrame(
         range_m=frame.range_m,
         intensity_counts=frame.intensity_counts,
@@ -210,6 +214,26 @@ def _find_pose(sample: Sample, frame: Frame, axes: str) -> tuple[np.ndarray, np.
         return np.full(3, np.nan), np.full(4, np.nan)
     pose = frame.truth.pose(axes, sample.scenario.target[sample.target].name)
     return np.asarray(pose.translation), pose.rotation.as_quat(canonical=True)
+
+
+def _pad_keypoints(frame: Frame, own: int | None, count: int) -> dict[str, np.ndarray]:
+    """Return place and visibility of the keypoints of a sample's target, in arrays of as many as any model has.
+
+    Parameters
+    ----------
+    own : index of the target; None without one
+    count : greatest number of keypoints of a model
+    """
+    if not count:
+        return {}
+    place_px, visibility = np.full((count, 2), np.nan, np.float32), np.zeros(count, np.uint8)
+    targets, labels = frame.source.targets, frame.labels
+    if own is not None and labels.keypoint_px is not None and labels.keypoint_visibility is not None:
+        first = sum(len(target.keypoints) for target in targets[:own])
+        points = slice(first, first + len(targets[own].keypoints))
+        mine = len(targets[own].keypoints)
+        place_px[:mine], visibility[:mine] = labels.keypoint_px[points], labels.keypoint_visibility[points]
+    return {"keypoint_px": place_px, "keypoint_visibility": visibility}
 
 
 def number_bodies(target: np.ndarray, own: int | None) -> np.ndarray:

@@ -110,6 +110,7 @@ def list_constants(plan: DatasetPlan) -> Constants:
         part_classes=tuple(PART_CLASSES),
         splits=SPLITS,
         model_parts={name: plan.part_names[name] for name in plan.models},
+        model_keypoints=plan.keypoints if plan.spec.labels.keypoints else {},
         symmetries=_find_symmetries(plan),
         line_of_sight=lines,
         lidars=lidars,

@@ -89,6 +89,11 @@ class Dataset:
         return self.constants.part_classes
 
     @property
+    def keypoints(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the keypoints of each model, in the order of `keypoint_px`; empty where they are no labels."""
+        return tuple(self.constants.model_keypoints.get(name, ()) for name in self.models)
+
+    @property
     def symmetries(self) -> tuple[Symmetry | None, ...]:
         """Symmetry of each model, in the axes of `quaternion_xyzw`; None where a lidar can tell all attitudes apart."""
         tables = self.constants.symmetries

@@ -128,6 +128,24 @@ class LabelledFrame(Record):
     oversampled_photons: np.ndarray | None = array(
         "fine_row fine_col", "f4", "1", "expected photons on the finer grid of rays", optional=True
     )
+    keypoint_px: np.ndarray | None = array(
+        "keypoint row_col",
+        "f4",
+        "1",
+        "row and column of the keypoints of the target's model, in the order of `model_keypoints`, 0 at the centre of the "
+        "first pixel; NaN outside the field and beyond the last",
+        optional=True,
+    )
+    keypoint_visibility: np.ndarray | None = array(
+        "keypoint", "u1", "1", "0 outside the field or beyond the last, 1 hidden by a body, 2 visible", optional=True
+    )
+    normal: np.ndarray | None = array(
+        "row col xyz",
+        "f4",
+        "1",
+        "unit normal of what is in the pixel, toward the lidar, in lidar axes; NaN for sky",
+        optional=True,
+    )
     camera: Mapping[str, LabelledImage] = dataclasses.field(default_factory=dict)
 
 

@@ -32,7 +32,8 @@ class CameraConstants(NamedTuple):
 class Constants:
     """Names that the numbers of a dataset refer to, and the constants of its sensors.
 
-    `model_parts` holds the part names of each model, and `symmetries` the symmetry of each model as a table, or None.
+    `model_parts` holds the part names of each model, `model_keypoints` the names of its keypoints where they are labels, and
+    `symmetries` the symmetry of each model as a table, or None.
     `line_of_sight` (row, col, xyz) holds the unit vectors of each sensor in lidar axes, and `lidars` the table of each
     instrument as JSON. `file_sha256` holds the hash of each file that the scenario names, other than meshes. `cameras`
     holds the cameras beside each sensor by name.
@@ -51,6 +52,7 @@ class Constants:
     lidars: Mapping[str, str]
     file_sha256: Mapping[str, str] = field(default_factory=dict)
     cameras: Mapping[str, Mapping[str, CameraConstants]] = field(default_factory=dict)
+    model_keypoints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def write_constants(folder: Path, constants: Constants) -> None:
@@ -64,6 +66,10 @@ def write_constants(folder: Path, constants: Constants) -> None:
             for name in _LISTS:
                 file.attrs[name] = json.dumps(list(getattr(constants, name)))
             file.attrs["model_parts"] = json.dumps({name: list(parts) for name, parts in constants.model_parts.items()})
+            if constants.model_keypoints:
+                file.attrs["model_keypoints"] = json.dumps(
+                    {name: list(points) for name, points in constants.model_keypoints.items()}
+                )
             file.attrs["file_sha256"] = json.dumps(dict(constants.file_sha256))
             file.attrs["symmetries"] = json.dumps(dict(constants.symmetries))
             for name in constants.sensors:
@@ -128,6 +134,9 @@ def read_constants(folder: Path) -> Constants:
                 title=str(file.attrs["title"]),
                 **lists,
                 model_parts={name: tuple(parts) for name, parts in json.loads(file.attrs["model_parts"]).items()},
+                model_keypoints={
+                    name: tuple(points) for name, points in json.loads(file.attrs.get("model_keypoints", "{}")).items()
+                },
                 symmetries=tables[0],
                 file_sha256=tables[1],
                 line_of_sight={name: np.asarray(group["line_of_sight"]) for name, group in groups.items()},

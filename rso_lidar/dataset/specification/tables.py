@@ -266,6 +266,12 @@ class OptionalLabels(Part):
     camera_electrons: Flag = Field(
         default=False, description="Expected electrons of each pixel of the cameras beside the lidar, without noise."
     )
+    keypoints: Flag = Field(
+        default=False, description="Places of the target's keypoints in the image, and which of them are visible."
+    )
+    normals: Flag = Field(
+        default=False, description="Normal of what is in each pixel, in lidar axes; three numbers a pixel."
+    )
 
 
 class ReferencePointing(Part):

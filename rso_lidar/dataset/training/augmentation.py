@@ -32,6 +32,7 @@ IMAGES = (
     "part_class_id",
     "oversampled_range_m",
     "oversampled_photons",
+    "normal",
 )
 _FALSE_SIGMAS, _FALSE_M = 6.0, 0.5  # a report farther from the truth than both is noise or another cluster; assumed
 _BIN = 16  # pixels of similar light whose counts give one point of the curve: their mean scatters by a quarter of one pixel
@@ -275,6 +276,11 @@ class MirrorImages:
             raise DatasetError(
                 "MirrorImages: the attitude of a mirrored craft is no rotation; leave out quaternion_xyzw, or MirrorImages"
             )
+        if "keypoint_px" in fields:
+            raise DatasetError(
+                "MirrorImages: left and right keypoints of a mirrored craft change places; leave out keypoint_px, or "
+                "MirrorImages"
+            )
 
     def __call__(self, frame: dict[str, np.ndarray], rng: np.random.Generator) -> dict[str, np.ndarray]:
         """Return the frame or its mirror image."""
@@ -316,6 +322,8 @@ def turn_frame(frame: dict[str, np.ndarray], turns: int) -> dict[str, np.ndarray
     for name in ("position_m", "sun_direction"):
         if name in frame:
             turned[name] = (matrix @ frame[name].astype(float)).astype(frame[name].dtype)
+    if "normal" in frame:
+        turned["normal"] = np.einsum("ij,rcj->rci", matrix, turned["normal"]).astype(frame["normal"].dtype)
     if "quaternion_xyzw" in frame and np.isfinite(frame["quaternion_xyzw"]).all():
         attitude = turn * Rotation.from_quat(frame["quaternion_xyzw"])
         turned["quaternion_xyzw"] = attitude.as_quat(canonical=True)
@@ -325,6 +333,11 @@ def turn_frame(frame: dict[str, np.ndarray], turns: int) -> dict[str, np.ndarray
         for _ in range(turns % 4):
             first_row, first_col, last_row, last_col = last - last_col, first_row, last - first_col, last_row
         turned["box_px"] = np.array([first_row, first_col, last_row, last_col], frame["box_px"].dtype)
+    if "keypoint_px" in frame:
+        last_px, place_px = round(2.0 * float(frame["intrinsics_px"][2])), frame["keypoint_px"]
+        for _ in range(turns % 4):
+            place_px = np.stack([last_px - place_px[:, 1], place_px[:, 0]], axis=1)
+        turned["keypoint_px"] = place_px.astype(frame["keypoint_px"].dtype)
     return turned
 
 
@@ -337,6 +350,8 @@ def mirror_frame(frame: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     for name in ("position_m", "sun_direction"):
         if name in frame:
             mirrored[name] = frame[name] * np.array([-1, 1, 1], frame[name].dtype)
+    if "normal" in frame:
+        mirrored["normal"] = mirrored["normal"] * np.array([-1, 1, 1], frame["normal"].dtype)
     if "box_px" in frame and (frame["box_px"] >= 0).all():
         last = frame["range_m"].shape[1] - 1 if "range_m" in frame else round(2.0 * float(frame["intrinsics_px"][2]))
         box = frame["box_px"]

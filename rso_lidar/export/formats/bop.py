@@ -29,7 +29,7 @@ from rso_lidar.export.layout.datasets import compute_lidar_poses
 from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_files import describe_frame, get_file_stem, write_new_file, write_source
 from rso_lidar.export.writer.frame_stream import take_first
-from rso_lidar.records import Frame
+from rso_lidar.records import CameraLabels, Frame, Labels, find_box
 from rso_lidar.units import MM
 
 SCENE = "000000"
@@ -46,6 +46,7 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
 
     The number of an image is that of its frame. The number of an object is the position of its target in source.json,
     from 1. Intensities are 16-bit grey PNGs. No label holds what another target hides, so `mask` equals `mask_visib`.
+    scene_gt_info.json has the keypoints of each object beside its boxes, if its target has any, as COCO flattens them.
 
     A camera beside the lidar has folders and tables of its own in the scene, which end in its name as those of a sensor in
     the industrial sets of BOP: `rgb_nav` or `gray_nav`, `mask_nav`, `mask_visib_nav`, `scene_camera_nav.json` and so on.
@@ -83,7 +84,7 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
             described = {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
             _write_entry(tables["scene_camera"], number, described)
             seen = compute_lidar_poses(frame.truth.poses)
-            poses, infos = _describe_objects(place, scene, frame, "", seen, frame.labels.target, frame.valid)
+            poses, infos = _describe_objects(place, scene, frame, "", seen, frame.labels, frame.valid)
             _write_entry(tables["scene_gt"], number, poses)
             _write_entry(tables["scene_gt_info"], number, infos)
             check_images(place, frame, cameras)
@@ -127,7 +128,7 @@ def _write_companion(place: Path, scene: Path, frame: Frame, camera: CompanionCa
     write_new_file(place, file, encode_png(image.intensity_counts if kind == "rgb" else image.intensity_counts[..., 0]))
     seen = compute_camera_poses(frame, camera.name)
     no_depth = np.zeros(labels.target.shape, dtype=bool)
-    poses, infos = _describe_objects(place, scene, frame, f"_{camera.name}", seen, labels.target, no_depth)
+    poses, infos = _describe_objects(place, scene, frame, f"_{camera.name}", seen, labels, no_depth)
     described = {
         "cam_K": list(camera.pinhole.matrix),
         "time_s": frame.time_s,
@@ -245,7 +246,7 @@ def _describe_objects(
     frame: Frame,
     ending: str,
     seen: Mapping[str, np.ndarray],
-    target: np.ndarray,
+    labels: Labels | CameraLabels,
     has_depth: np.ndarray,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Write the masks of the targets in an image of a frame, and describe their poses and visible areas.
@@ -253,7 +254,7 @@ def _describe_objects(
     Parameters
     ----------
     seen : matrix (4, 4) of image_from_<name> for all axes
-    target : (row, col) index of the target, -1 for sky
+    labels : of the image
     has_depth : (row, col)
     """
     poses, infos = [], []
@@ -267,7 +268,7 @@ def _describe_objects(
                 "obj_id": number + 1,
             }
         )
-        mask = target == number
+        mask = labels.target == number
         file = f"{get_file_stem(place, frame)}_{place_in_image:06d}.png"
         for folder in MASKS:
             write_new_file(place, scene / f"{folder}{ending}" / file, encode_png((mask * 255).astype(np.uint8)))
@@ -281,17 +282,30 @@ def _describe_objects(
                 "px_count_visib": count,
                 "visib_fract": 1.0 if count else 0.0,
             }
+            | _describe_keypoints(frame, number, labels)
         )
     return poses, infos
 
 
+def _describe_keypoints(frame: Frame, number: int, labels: Labels | CameraLabels) -> dict[str, list[float]]:
+    """Return the keypoints of a target as COCO has them: column, row and flag (0, 1 hidden, 2 visible) one after another.
+
+    Those outside the image have zeros.
+    """
+    targets = frame.source.targets
+    if labels.keypoint_px is None or labels.keypoint_visibility is None or not targets[number].keypoints:
+        return {}
+    first = sum(len(target.keypoints) for target in targets[:number])
+    mine = slice(first, first + len(targets[number].keypoints))
+    row_col = np.nan_to_num(labels.keypoint_px[mine])
+    flat = np.column_stack([row_col[:, ::-1], labels.keypoint_visibility[mine]]).ravel()
+    return {"keypoints": np.round(flat, 3).tolist()}
+
+
 def _find_box(mask: np.ndarray) -> list[int]:
     """Return left, top, width and height of the set pixels; four times -1 without any."""
-    row, col = np.nonzero(mask)
-    if not len(row):
-        return [-1, -1, -1, -1]
-    left, top = int(col.min()), int(row.min())
-    return [left, top, int(col.max()) - left + 1, int(row.max()) - top + 1]
+    top, left, bottom, right = find_box(mask).tolist()
+    return [left, top, right - left + 1, bottom - top + 1] if top >= 0 else [-1, -1, -1, -1]
 
 
 @contextmanager

@@ -28,6 +28,8 @@ SCALES = {  # what the coordinate of a dimension means
     "image_row": "row of the camera's image, 0 at the top",
     "image_col": "column of the camera's image, 0 at the left",
     "band": "number of the band, in the order of the scenario",
+    "keypoint": "number of the keypoint, in the order of the targets and of their keypoints",
+    "row_col": "0 for the row, 1 for the column",
 }
 _TIME_LINE = ("units", "calendar", "units_metadata", "comment")  # attributes of /time that other times have, too
 

@@ -21,14 +21,22 @@ _LABELS = {
     "range": "range_m",
     "filled_fraction": "filled_fraction",
 }
+_MORE_LABELS = {  # that not all recordings have
+    "facet": "facet",
+    "keypoint_px": "keypoint_px",
+    "keypoint_range": "keypoint_range_m",
+    "keypoint_visibility": "keypoint_visibility",
+}
 _DIMS = {"row": "image_row", "col": "image_col"}
 
 
-def list_arrays(cameras: Iterable[str]) -> dict[str, ArraySpec]:
-    """List the arrays that a recording makes of the images of cameras, by path."""
+def list_arrays(frame: Frame) -> dict[str, ArraySpec]:
+    """List the arrays that a recording makes of the images of the cameras of a frame, by path."""
     array_specs = {}
-    for camera in cameras:
-        for record, fields in ((CameraImage, _IMAGE), (CameraLabels, _LABELS)):
+    for camera in frame.camera:
+        labels = frame.camera_labels[camera]
+        more = {path: name for path, name in _MORE_LABELS.items() if getattr(labels, name) is not None}
+        for record, fields in ((CameraImage, _IMAGE), (CameraLabels, _LABELS | more)):
             for path, name in fields.items():
                 spec = specs(record)[name]
                 dims = tuple(_DIMS.get(dim, dim) for dim in spec.dims)
@@ -41,9 +49,13 @@ def collect_arrays(frame: Frame) -> dict[str, np.ndarray]:
     arrays: dict[str, np.ndarray] = {}
     for camera, image in frame.camera.items():
         records: tuple[tuple[Record, Mapping[str, str]], ...]
-        records = (image, _IMAGE), (frame.camera_labels[camera], _LABELS)
+        records = (image, _IMAGE), (frame.camera_labels[camera], _LABELS | _MORE_LABELS)
         for record, fields in records:
-            arrays |= {f"{GROUP}/{camera}/{path}": getattr(record, name) for path, name in fields.items()}
+            arrays |= {
+                f"{GROUP}/{camera}/{path}": value
+                for path, name in fields.items()
+                if (value := getattr(record, name)) is not None
+            }
     return arrays
 
 
@@ -53,12 +65,13 @@ def list_cameras(paths: Iterable[str]) -> list[str]:
 
 
 def name_arrays(camera: str) -> dict[str, str]:
-    """Return the path of each array of a camera, with the name of its field."""
-    return {f"{GROUP}/{camera}/{path}": name for path, name in (_IMAGE | _LABELS).items()}
+    """Return the path of each array that a camera may have, with the name of its field."""
+    return {f"{GROUP}/{camera}/{path}": name for path, name in (_IMAGE | _LABELS | _MORE_LABELS).items()}
 
 
 def restore_records(camera: str, arrays: Mapping[str, np.ndarray]) -> tuple[CameraImage, CameraLabels]:
-    """Restore image and labels of a camera from its arrays in a recording, by path."""
+    """Restore image and labels of a camera from those of its arrays that a recording has, by path."""
     image = {name: arrays[f"{GROUP}/{camera}/{path}"] for path, name in _IMAGE.items()}
     labels = {name: arrays[f"{GROUP}/{camera}/{path}"] for path, name in _LABELS.items()}
-    return CameraImage(**image), CameraLabels(**labels)
+    more = {name: arrays[at] for path, name in _MORE_LABELS.items() if (at := f"{GROUP}/{camera}/{path}") in arrays}
+    return CameraImage(**image), CameraLabels(**labels, **more)

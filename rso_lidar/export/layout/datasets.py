@@ -183,7 +183,7 @@ def list_optional(frame: Frame) -> dict[str, ArraySpec]:
     }
     array_specs |= {f"truth/{name}/sunlit": SUNLIT for name in frame.truth.sunlit}
     array_specs |= sensor_samples.list_arrays(frame.observation.sensors)
-    array_specs |= camera_images.list_arrays(frame.camera)
+    array_specs |= camera_images.list_arrays(frame)
     return array_specs | intermediates.list_arrays(frame.kept)
 
 

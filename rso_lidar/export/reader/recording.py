@@ -240,7 +240,9 @@ class Recording(RecordingFile, Sequence[Frame]):
 
     def _read_image(self, camera: str, k: int) -> tuple[CameraImage, CameraLabels]:
         paths = camera_images.name_arrays(camera)
-        return camera_images.restore_records(camera, {path: self.read(path, k) for path in paths})
+        return camera_images.restore_records(
+            camera, {path: self.read(path, k) for path in paths if path in self._datasets}
+        )
 
     def _kept_record(self, group: str, k: int) -> Record:
         entries = self._arrays({f"{group}/{path}": name for path, name in intermediates.FIELDS[group].items()}, k)

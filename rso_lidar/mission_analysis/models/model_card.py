@@ -14,9 +14,10 @@ from rso_lidar.mission_analysis.models.model_card_figure import CardView, model_
 from rso_lidar.motion import Fixed
 from rso_lidar.picture import LIGHT, Scheme, save_figure
 from rso_lidar.pose import Link, PoseTree
-from rso_lidar.records import Truth
-from rso_lidar.scenario import Lidar, Target, build_whole_surface, find_taxonomy
-from rso_lidar.scene import Surface, load_materials, model, render_portrait, viewer_axes
+from rso_lidar.records import OTHER, Truth
+from rso_lidar.scenario import FacetParts, Lidar, Target, build_whole_surface, find_part_classes, find_taxonomy
+from rso_lidar.scene import Surface, format_span, load_materials, model, render_portrait, viewer_axes
+from rso_lidar.units import format_count
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -34,6 +35,7 @@ WAVELENGTHS_NM = (1064.0, 1570.0)  # of its laser, with the energy unchanged
 RANGE_M = 1000.0
 _RAYS_PER_PIXEL = 1600
 _CELLS = 640  # along a side of each picture
+_LISTED = 8  # runs of facets without a class that are written out
 _GREY = (0.62, 0.62, 0.62)
 
 
@@ -50,10 +52,13 @@ class SideReturn:
 
 @dataclass(frozen=True)
 class PartBounds:
-    """A part with its material and its bounding box: corners (xyz) [m] in body axes."""
+    """A part with its class, material, facets, area, and its bounding box: corners (xyz) [m] in body axes."""
 
     name: str
+    part_class: str
     material: str
+    facets: int
+    area_m2: float
     low_m: tuple[float, ...]
     high_m: tuple[float, ...]
 
@@ -68,6 +73,7 @@ class ModelCard:
     lines: tuple[str, ...]
     views: tuple[CardView, ...]
     returns: tuple[SideReturn, ...]
+    unassigned: tuple[tuple[int, int], ...] = ()  # first and last facet of each run whose part has no class
 
     def figure(self) -> Any:
         """Return a matplotlib Figure: four views by part, four by material, and tables."""
@@ -90,6 +96,17 @@ class ModelCard:
             )
         return rows
 
+    def describe_unassigned(self) -> str:
+        """Describe in a line the facets whose parts have no common class."""
+        without = [part for part in self.parts if part.part_class == OTHER]
+        if not without:
+            return "Every facet belongs to a part with a class."
+        share = sum(part.area_m2 for part in without) / sum(part.area_m2 for part in self.parts)
+        spans = [format_span(*run) for run in self.unassigned]
+        runs = ", ".join(spans[:_LISTED]) + (f" and {len(spans) - _LISTED:,} runs more" if len(spans) > _LISTED else "")
+        facets = format_count(sum(part.facets for part in without), "facet")
+        return f"Without a class ({OTHER}): {facets}, {share:.1%} of the area: {runs}"
+
     def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
         """Draw the page.
 
@@ -110,13 +127,16 @@ class ModelCard:
         return save_figure(self.figure(), path, scheme=scheme)
 
 
-def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: bool = True) -> ModelCard:
+def make_model_card(
+    name: str, file: Callable[[str], Path] = Path, *, facet_parts: FacetParts | None = None, returns: bool = True
+) -> ModelCard:
     """Make the card of a model of the catalogue, or of a mesh file.
 
     Parameters
     ----------
     name : of the model; with a suffix or a slash, the path of a mesh
     file : finds a mesh file by its name
+    facet_parts : parts of a mesh by a table of its facets, or by the materials of its file
     returns : whether to simulate the light that the model returns
 
     Returns
@@ -127,15 +147,22 @@ def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: b
     Raises
     ------
     MeshError
-        For a model that is not in the catalogue, and a mesh that cannot be read.
+        For a model that is not in the catalogue, and a mesh or a table that cannot be read.
+    ScenarioError
+        If `facet_parts` is given for a model of the catalogue.
     """
     target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
     if target.is_path:
         target = target.replace(center_of_mass_m=(0.0, 0.0, 0.0))
+    if facet_parts is not None:
+        target = target.replace(facet_parts=facet_parts)
     surface = build_whole_surface(target, file, WAVELENGTHS_NM[0] * units.NM)
     seen = tuple(_simulate_side(target, file, nm, side) for nm in WAVELENGTHS_NM for side in SIDES) if returns else ()
     words, colours = _list_finishes(target, surface)
+    classes = find_part_classes(target, surface.mesh)
+    class_names = tuple(dict.fromkeys(classes))
     parts = surface.part
+    of_class = np.array([class_names.index(kind) for kind in classes])[parts]
     finish = surface.finish
     side_m = 1.04 * max(_view_width_m(surface, *sight) for sight in SIDES.values())
     views = []
@@ -146,21 +173,40 @@ def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: b
             CardView(
                 side=side,
                 part=np.where(picture.covered, parts[on], -1),
+                part_class=np.where(picture.covered, of_class[on], -1),
                 material=np.where(picture.covered, finish[on], -1),
                 cosine=picture.cosine,
                 cell_m=picture.cell_m,
                 part_names=surface.mesh.part_names,
+                class_names=class_names,
                 material_names=words,
                 material_rgb=colours,
             )
         )
-    bounds = []
-    for number, (part, word) in enumerate(zip(surface.mesh.part_names, words, strict=True)):
-        corners = surface.corners[parts == number].reshape(-1, 3)
+    bounds, areas_m2 = [], np.bincount(parts, surface.areas_m2, len(words))
+    for number, (part, kind, word) in enumerate(zip(surface.mesh.part_names, classes, words, strict=True)):
+        corners = surface.corners[parts == number]
         if len(corners):
-            bounds.append(PartBounds(part, word, tuple(corners.min(axis=0)), tuple(corners.max(axis=0))))
+            low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+            area = float(areas_m2[number])
+            bounds.append(PartBounds(part, kind, word, len(corners), area, tuple(low), tuple(high)))
     what = f"a mesh of {surface.mesh.path.name}" if target.is_path else model(name).what
-    return ModelCard(name, what, tuple(bounds), tuple(_describe_model(target, surface)), tuple(views), seen)
+    without = np.sort(surface.mesh.source_facet[np.array([kind == OTHER for kind in classes])[parts]])
+    lines = tuple(_describe_model(target, surface))
+    return ModelCard(name, what, tuple(bounds), lines, tuple(views), seen, _list_runs(without))
+
+
+def _list_runs(numbers: np.ndarray) -> tuple[tuple[int, int], ...]:
+    """Return first and last of each run of consecutive numbers, which rise.
+
+    >>> _list_runs(np.array([3, 4, 5, 9]))
+    ((3, 5), (9, 9))
+    """
+    if not len(numbers):
+        return ()
+    first = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 2) != 1)
+    last = np.append(first[1:], len(numbers)) - 1
+    return tuple(zip(numbers[first].tolist(), numbers[last].tolist(), strict=True))
 
 
 def _view_width_m(surface: Surface, toward: _Direction, up: _Direction) -> float:

@@ -1,4 +1,4 @@
-"""A model on one page: four sides coloured by part, four by material, with a bar of its size."""
+"""A model on one page: four sides coloured by part, by common part class and by material, with a bar of its size."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.picture import figures, palette
+from rso_lidar.records import OTHER
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,17 +22,19 @@ _TABLE_FROM, _CELL = 0.40, 0.105  # where the table of light begins, and how wid
 
 @dataclass(frozen=True, eq=False)
 class CardView:
-    """One side of a model: numbers of part and material (row, col), -1 for sky, and the cosine to the viewer.
+    """One side of a model: numbers of part, class and material (row, col), -1 for sky, and the cosine to the viewer.
 
-    A cell is `cell_m` [m] wide; `material_rgb` are colours from 0 to 1.
+    A cell is `cell_m` [m] wide; `material_rgb` are colours from 0 to 1. Classes are numbered by `class_names`.
     """
 
     side: str
     part: np.ndarray
+    part_class: np.ndarray
     material: np.ndarray
     cosine: np.ndarray
     cell_m: float
     part_names: tuple[str, ...]
+    class_names: tuple[str, ...]
     material_names: tuple[str, ...]
     material_rgb: tuple[tuple[float, float, float], ...]
 
@@ -39,7 +42,7 @@ class CardView:
 def model_card_figure(
     title: str, views: Sequence[CardView], lines: Sequence[str], light: Sequence[Sequence[str]] = ()
 ) -> Figure:
-    """Draw the page of a model: parts above, materials below, each with its names, and tables at the foot.
+    """Draw the page of a model: parts, part classes and materials, each with its names, and tables at the foot.
 
     Parameters
     ----------
@@ -51,20 +54,20 @@ def model_card_figure(
     first_half_m = 0.5 * views[0].cell_m * views[0].part.shape[1]
     figure = figures.new_figure(
         14.0,
-        1.1 + 2.0 * max(2.95 * tall_m / first_half_m, 2.1) + figures.LINE_IN * foot,
+        1.1 + 3.0 * max(2.95 * tall_m / first_half_m, 2.1) + figures.LINE_IN * foot,
         title,
         "",
         (*wrapped, *[""] * (foot - len(wrapped))),
     )
     _light(figure, light, foot)
-    grid: Any = figure.subplots(2, len(views) + 1, width_ratios=[*([1.0] * len(views)), 0.62])
+    grid: Any = figure.subplots(3, len(views) + 1, width_ratios=[*([1.0] * len(views)), 0.62])
     first = views[0]
-    shown = _by_area(views, len(first.part_names))
-    part_rgb = np.array([_rgb(palette.OTHER_PART)] * len(first.part_names))
-    for number, part in enumerate(shown[: len(palette.PARTS)]):
-        part_rgb[part] = _rgb(palette.PARTS[number])
+    parts, part_rgb = _colour_by_area([view.part for view in views], first.part_names)
+    classes, class_rgb = _colour_by_area([view.part_class for view in views], first.class_names)
+    material_rgb = np.array(first.material_rgb)
     for column, view in enumerate(views):
-        for row, (index, rgb) in enumerate(((view.part, part_rgb), (view.material, np.array(view.material_rgb)))):
+        coloured = (view.part, part_rgb), (view.part_class, class_rgb), (view.material, material_rgb)
+        for row, (index, rgb) in enumerate(coloured):
             axes = grid[row, column]
             half_m = 0.5 * view.cell_m * index.shape[1]
             axes.imshow(
@@ -77,12 +80,17 @@ def model_card_figure(
                 spine.set_visible(False)
             if row == 0:
                 axes.set_title(view.side, fontsize=figures.HEADING_PT, color=palette.INK)
-    _draw_bar(grid[1, 0], views[0], tall_m)
-    names = [first.part_names[part] for part in shown[: len(palette.PARTS)]]
-    others = len(shown) - len(names)
-    _names(grid[0, -1], "parts, by what is seen of them", names, part_rgb[shown[: len(palette.PARTS)]], others)
+    _draw_bar(grid[2, 0], first, tall_m)
+    for row, (title, shown, names, rgb) in enumerate(
+        (
+            ("parts, by what is seen of them", parts, first.part_names, part_rgb),
+            ("common part classes", classes, first.class_names, class_rgb),
+        )
+    ):
+        named = shown[: len(palette.PARTS)]
+        _names(grid[row, -1], title, [names[k] for k in named], rgb[named], len(shown) - len(named))
     of_material = dict(zip(first.material_names, first.material_rgb, strict=True))
-    _names(grid[1, -1], "materials", list(of_material), np.array(list(of_material.values())), 0)
+    _names(grid[2, -1], "materials", list(of_material), np.array(list(of_material.values())), 0)
     return figure
 
 
@@ -98,10 +106,17 @@ def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
             figure.text(x, y, cell, fontsize=figures.SMALL_PT, color=ink, ha=side, va="bottom", in_layout=False)
 
 
-def _by_area(views: Sequence[CardView], count: int) -> list[int]:
-    """Return the numbers of the visible parts, largest first."""
-    seen = sum(np.bincount(view.part[view.part >= 0], minlength=count) for view in views)
-    return [int(part) for part in np.argsort(-np.asarray(seen), kind="stable") if np.asarray(seen)[part] > 0]
+def _colour_by_area(images: Sequence[np.ndarray], names: Sequence[str]) -> tuple[list[int], np.ndarray]:
+    """Return the numbers that are visible in images (row, col), largest area first, and the colour of each name (name, 3).
+
+    The largest have colours of their own. The class `other` is grey.
+    """
+    seen = np.asarray(sum(np.bincount(image[image >= 0], minlength=len(names)) for image in images))
+    shown = [int(number) for number in np.argsort(-seen, kind="stable") if seen[number] > 0]
+    rgb = np.array([_rgb(palette.OTHER_PART)] * len(names))
+    for number, colour in zip((k for k in shown if names[k] != OTHER), palette.PARTS, strict=False):
+        rgb[number] = _rgb(colour)
+    return shown, rgb
 
 
 def _shade(index: np.ndarray, rgb: np.ndarray, cosine: np.ndarray) -> np.ndarray:

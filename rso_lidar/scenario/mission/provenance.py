@@ -10,15 +10,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from rso_lidar.errors import ScenarioError, warn
+from rso_lidar.errors import ScenarioError, add_place, warn
 from rso_lidar.files import MOST_BYTES, read_bytes
 from rso_lidar.kernels import compiler_version
 from rso_lidar.motion import name_function
 from rso_lidar.orbit import format_utc
 from rso_lidar.part import Part, dump_part
-from rso_lidar.records import Source, TargetEntry
+from rso_lidar.records import Keypoint, Source, TargetEntry
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.mission.named_files import list_named_files
+from rso_lidar.scenario.mission.target_keypoints import find_keypoints
 from rso_lidar.scenario.mission.target_surfaces import find_part_classes, find_taxonomy, place_mesh
 from rso_lidar.scenario.tables.library_model import describe_library_model
 from rso_lidar.scenario.tables.target import Target
@@ -45,6 +46,7 @@ def build_source(mission: Mission) -> Source:
                 facets=surface.mesh.source_facets,
                 taxonomy=find_taxonomy(target),
                 part_classes=find_part_classes(target, surface.mesh),
+                keypoints=_find_keypoints(mission, target, surface),
             )
             for target, surface in _pair_meshes(mission)
         ),
@@ -70,9 +72,12 @@ def resolve_toml(mission: Mission) -> str:
     _warn_of_unnamed_dynamics(mission)
     meshes = _pair_meshes(mission)
     tree: dict[str, Any] = mission.model_dump(exclude_none=True)
-    for table, target in zip(tree["target"], mission.target, strict=True):
+    for table, (target, surface) in zip(tree["target"], meshes, strict=True):
         if target.joint:
             table["joint"] = [joint.model_dump(exclude_none=True) for joint in target.joints]
+        if table.pop("keypoint_file", None) is not None or _is_of_library(target):
+            points = _find_keypoints(mission, target, surface)
+            table["keypoint"] = [point.model_dump(exclude_none=True) for point in points]
         table |= _resolve_library_model(target)
         table |= {key: table.pop(key) for key in type(target).model_fields if key in table}  # in order again
     tables = [*tree["target"], tree["follower"]]
@@ -90,7 +95,8 @@ def resolve_toml(mission: Mission) -> str:
     sums += [
         f"# file {Path(labels.file).name} of {target.name}: SHA-256 {_hash_file(str(mission.file(labels.file)))}"
         for target in mission.target
-        if (labels := target.facet_materials)
+        for labels in (target.facet_materials, target.facet_parts)
+        if labels is not None and labels.file is not None
     ]
     sums += [
         f"# file {Path(file).name} of the lidar: SHA-256 {_hash_file(file)}"
@@ -137,8 +143,18 @@ def _hash_file(file: str) -> str:
     return hashlib.sha256(read_bytes(Path(file), 2 * MOST_BYTES, ScenarioError)).hexdigest()  # meshes are the largest
 
 
+def _find_keypoints(mission: Mission, target: Target, surface: Surface) -> tuple[Keypoint, ...]:
+    with add_place(f"target {target.name}"):
+        return find_keypoints(target, surface.mesh, mission.file)
+
+
 def _pair_meshes(mission: Mission) -> list[tuple[Target, Surface]]:
     return [(target, mission.surfaces_of(number)[0]) for number, target in enumerate(mission.target)]
+
+
+def _is_of_library(target: Target) -> bool:
+    """Return whether a target takes what it does not state itself from the user's own library."""
+    return not target.is_path and target.library is None and model(target.shape).own
 
 
 def _resolve_library_model(target: Target) -> dict[str, Any]:
@@ -146,12 +162,12 @@ def _resolve_library_model(target: Target) -> dict[str, Any]:
 
     A target of a recording states this already and takes nothing.
     """
-    entry = None if target.is_path or target.library is not None else model(target.shape)
-    if entry is None or not entry.own:
+    if not _is_of_library(target):
         return {}
+    entry = model(target.shape)
     mesh, kind = entry.mesh, target.taxonomy or entry.taxonomy
     fields = {
-        "library": describe_library_model(entry).model_dump(),
+        "library": describe_library_model(entry).model_dump(exclude_none=True),
         "center_of_mass_m": place_mesh(target, mesh, entry)[1],
         "taxonomy": kind.model_dump(),
         "part_classes": dict(zip(mesh.part_names, find_part_classes(target, mesh), strict=True)),

@@ -12,6 +12,7 @@ from rso_lidar.errors import warn_of_input
 from rso_lidar.part import Part, Vector
 from rso_lidar.records import OTHER, PartClass, Symmetry, Taxonomy
 from rso_lidar.scenario.tables.facet_materials import apply_color_materials, apply_facet_materials
+from rso_lidar.scenario.tables.facet_parts import apply_facet_parts
 from rso_lidar.scenario.tables.fragment import PART, build_fragment
 from rso_lidar.scenario.tables.target import Target
 from rso_lidar.scenario.tables.terrain import build_terrain_mesh, classify_terrain
@@ -25,6 +26,7 @@ from rso_lidar.scene import (
     Surface,
     body_from_mesh,
     build_surface,
+    guess_part_classes,
     load_mesh,
     model,
     split_at_hinges,
@@ -85,6 +87,8 @@ def build_whole_surface(
             )
         mesh = load_mesh(path)
         warn_of_repairs(mesh, target.name)
+        if target.facet_parts is not None:
+            mesh = apply_facet_parts(mesh, target.facet_parts, file)
     else:
         entry = model(target.shape)
         if target.library is not None:
@@ -209,10 +213,15 @@ def find_taxonomy(target: Target) -> Taxonomy | None:
 
 
 def find_part_classes(target: Target, mesh: Mesh) -> tuple[PartClass, ...]:
-    """Return the common class of each part of a target's mesh, from the scenario or the catalogue; else `other`."""
+    """Return the common class of each part of a target's mesh: from the scenario, the catalogue or its name; else `other`.
+
+    Names count for parts that the scenario itself makes of facets.
+    """
     known: Mapping[str, PartClass] = {} if target.is_path else model(target.shape).part_classes
     if target.fragment is not None:
         known = {PART: "fragment"}
+    elif target.facet_parts is not None:
+        known = guess_part_classes(mesh.part_names)
     return tuple(target.part_classes.get(part, known.get(part, OTHER)) for part in mesh.part_names)
 
 

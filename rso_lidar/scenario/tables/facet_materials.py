@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from rso_lidar.errors import MeshError, ScenarioError, add_place, did_you_mean
-from rso_lidar.files import MOST_BYTES, read_array, read_text
+from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.part import Part, Text
 from rso_lidar.scene import (
     AnyMaterial,
@@ -21,9 +19,8 @@ from rso_lidar.scene import (
     complete,
     load_materials,
     read_facet_colours,
+    read_facet_words,
 )
-
-_DIGITS = 12  # of a facet's number at most, far more than any mesh needs
 
 
 class FacetMaterials(Part):
@@ -69,7 +66,7 @@ def apply_facet_materials(
     """Assign materials to single facets."""
     with add_place("facet_materials"):
         path = file(facet_materials.file)
-        words = _read_facet_words(path, surface.mesh.source_facets)[surface.mesh.source_facet]
+        words = read_facet_words(path, surface.mesh.source_facets, "material")[surface.mesh.source_facet]
         meant = {word: _find_material(word, facet_materials, path) for word in sorted(set(words) - {""})}
         return _assign_materials(surface, words, meant, wavelength_m)
 
@@ -94,45 +91,3 @@ def _find_material(word: str, facet_materials: FacetMaterials, path: Path) -> Ma
         cure = f"{did_you_mean(word, known) or ';'} define it in facet_materials.materials"
         raise ScenarioError(f"{path.name}: no material '{word}'{cure}")
     return Named(name=word)
-
-
-def _read_facet_words(path: Path, facets: int) -> np.ndarray:
-    """Read the word of each facet of the mesh's file (facet), empty where the file gives none."""
-    if path.suffix.lower() == ".npy":
-        return _read_array(path, facets)
-    if path.suffix.lower() == ".csv":
-        return _read_table(path, facets)
-    raise MeshError(f"{path.name}: '{path.suffix}' is not read; give a .csv (facet, material) or a .npy")
-
-
-def _read_array(path: Path, facets: int) -> np.ndarray:
-    numbers = read_array(path, MeshError)
-    if numbers.dtype.kind not in "iu" or numbers.shape != (facets,):
-        got = f"{numbers.dtype} {numbers.shape}"
-        raise MeshError(f"{path.name}: holds {got}; give one integer for each of the {facets:,} facets of the mesh")
-    return np.where(numbers < 0, "", numbers.astype(str)).astype(object)
-
-
-def _read_table(path: Path, facets: int) -> np.ndarray:
-    words = np.full(facets, "", dtype=object)
-    try:
-        rows = list(csv.reader(read_text(path, MOST_BYTES, MeshError, "table (.csv)").splitlines()))
-    except csv.Error:
-        raise MeshError(f"{path.name}: cannot be read; give a text with the columns facet, material") from None
-    for line, row in enumerate(rows, start=1):
-        if not row or (line == 1 and row[0].strip().lower() == "facet"):
-            continue
-        first, dash, last = row[0].strip().partition("-")
-        if len(row) != 2 or not _is_whole_number(first) or (dash and not _is_whole_number(last)) or not row[1].strip():
-            raise MeshError(f"{path.name}: line {line}: needs a facet, or a span such as 10-19, and a material")
-        start, end = int(first), int(last) if dash else int(first)
-        if start > end or end >= facets:
-            raise MeshError(
-                f"{path.name}: line {line}: no facets {row[0].strip()} in a mesh of {facets:,}; number them from 0"
-            )
-        words[start : end + 1] = row[1].strip()
-    return words
-
-
-def _is_whole_number(text: str) -> bool:
-    return text.isascii() and text.isdecimal() and len(text) <= _DIGITS

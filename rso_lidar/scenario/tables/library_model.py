@@ -15,8 +15,8 @@ class LibraryModel(Part):
     """A model of the user's own library, as it was when the scenario was recorded.
 
     Recordings carry this table. A scenario is refused where the library's model of that name has changed since. Materials,
-    part classes, centre of mass, taxonomy and hinges are not part of this table, because the recorded target itself gives
-    them.
+    part classes, keypoints, centre of mass, taxonomy and hinges are not part of this table, because the recorded target itself
+    gives them.
     """
 
     sha256: Text = Field(description="SHA-256 of the mesh file.")
@@ -30,6 +30,9 @@ class LibraryModel(Part):
     left_out: tuple[tuple[Whole, Whole], ...] = Field(
         default=(),
         description="First and last index of each run of facets in the file that do not belong to the craft.",
+    )
+    facet_parts_sha256: Text | None = Field(
+        default=None, description="SHA-256 of the table of the parts of facets, where the library has one."
     )
 
     def check(self, entry: ModelEntry) -> None:
@@ -54,7 +57,13 @@ class LibraryModel(Part):
 def describe_library_model(entry: ModelEntry) -> LibraryModel:
     """Describe a model of the user's library."""
     axes: Literal["z_up", "y_up"] = "y_up" if entry.mesh_axes == "y_up" else "z_up"
-    return LibraryModel(sha256=entry.sha256, scale=entry.scale, mesh_axes=axes, left_out=entry.left_out)
+    return LibraryModel(
+        sha256=entry.sha256,
+        scale=entry.scale,
+        mesh_axes=axes,
+        left_out=entry.left_out,
+        facet_parts_sha256=entry.facet_parts_sha256,
+    )
 
 
 def _shorten(value: object) -> str:

@@ -9,8 +9,9 @@ from pydantic import Field, Strict, model_validator
 from rso_lidar.errors import MeshError, ScenarioError
 from rso_lidar.motion import RESERVED_AXES, Body, HingeAxes
 from rso_lidar.part import Positive, Text, Vector
-from rso_lidar.records import PartClass, Symmetry, Taxonomy
+from rso_lidar.records import Keypoint, PartClass, Symmetry, Taxonomy
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
+from rso_lidar.scenario.tables.facet_parts import FacetParts
 from rso_lidar.scenario.tables.fragment import Fragment, name_fragment
 from rso_lidar.scenario.tables.joints import Joint, ModelPlacement, complete_joint
 from rso_lidar.scenario.tables.library_model import LibraryModel
@@ -62,7 +63,14 @@ class Target(Body):
         default_factory=dict,
         description=(
             "Common part classes of named parts, such as `solar_array`; they override the catalogue's. By default, parts "
-            "of a mesh named by its path are `other`."
+            "of a mesh named by its path are `other`, and those of `facet_parts` have the class of their name."
+        ),
+    )
+    facet_parts: FacetParts | None = Field(
+        default=None,
+        description=(
+            "Parts of a mesh named by its path, by a table of its facets or by the materials of its file. If omitted, "
+            "those that the file names."
         ),
     )
     color_materials: dict[Colour, AnyMaterial] = Field(
@@ -86,6 +94,17 @@ class Target(Body):
         description=(
             "Origin of the body axes, in mesh axes after scaling [m]. If omitted, the catalogue's, or the mesh's "
             "origin with a warning."
+        ),
+    )
+    keypoint: tuple[Keypoint, ...] | None = Field(
+        default=None,
+        description="Named points on the target, whose places in images are labelled. If omitted, those of the catalogue.",
+    )
+    keypoint_file: Text | None = Field(
+        default=None,
+        description=(
+            "Path of a .csv file of keypoints (name, x, y, z, part), in the unit and axes of the mesh file; not together "
+            "with `keypoint`."
         ),
     )
     joint: tuple[Joint, ...] = Field(default=(), description="Hinges that turn some of the target's parts.")
@@ -116,10 +135,17 @@ class Target(Body):
         if self.model is None and (self.scale, self.size_m, self.mesh_axes) != (None, None, "z_up"):
             kind = "terrain" if self.terrain else "fragment"
             raise ValueError(f"scale, size_m and mesh_axes are for a mesh; {kind} says its size itself, and z is up")
+        if self.facet_parts is not None and (self.model is None or not self.is_path):
+            raise ValueError(
+                "facet_parts is for a mesh that model names by its path; a model of your own library gets parts by "
+                "`rso-lidar models add --facet-parts`"
+            )
         if self.library is not None and self.is_path:
             raise ValueError("library is for a model of your own library, by its name; leave it out")
         if self.scale is not None and self.size_m is not None:
             raise ValueError("give scale or size_m, not both")
+        if self.keypoint is not None and self.keypoint_file is not None:
+            raise ValueError("give keypoint or keypoint_file, not both")
         names = [joint.name for joint in self.joint]
         if len(set(names)) < len(names):
             raise ValueError(f"joint: two have the same name ({', '.join(names)}); rename one")

@@ -139,7 +139,9 @@ def cut_rays(
             count = 0
 
 
-def find_hidden(direction: np.ndarray, surfaces: Sequence[Surface], truth: Truth) -> np.ndarray:
+def find_hidden(
+    direction: np.ndarray, surfaces: Sequence[Surface], truth: Truth, reach_m: np.ndarray | None = None
+) -> np.ndarray:
     """Find the directions from the lidar's origin that meet a target.
 
     Parameters
@@ -147,13 +149,14 @@ def find_hidden(direction: np.ndarray, surfaces: Sequence[Surface], truth: Truth
     direction : (ray, xyz) unit vectors in lidar axes
     surfaces : the surfaces of all targets, each in its own axes
     truth : where the surfaces are
+    reach_m : (ray), distance to which each ray goes [m] (None: without end)
 
     Returns
     -------
     (ray) bool, whether a target hides what is there.
     """
     n = len(direction)
-    left = np.full(n, np.inf)
+    left = np.full(n, np.inf) if reach_m is None else np.array(reach_m, dtype=float)
     nowhere, along = packed(np.zeros((3, n))), packed(np.asarray(direction, dtype=float).T)
     embree = engine()
     for surface in surfaces if n else ():

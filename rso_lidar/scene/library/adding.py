@@ -21,6 +21,7 @@ from rso_lidar.scene.library.mesh_units import guess_scale, known_meshes
 from rso_lidar.scene.library.model_index import (
     ModelEntry,
     guess_part_classes,
+    hash_table,
     load_materials,
     materials_of,
     model,
@@ -32,6 +33,7 @@ from rso_lidar.scene.library.model_index import (
 )
 from rso_lidar.scene.meshes.accessors import GltfFile
 from rso_lidar.scene.meshes.cad import CHORD_MM, is_cad, tessellate
+from rso_lidar.scene.meshes.facet_groups import format_facet_words, group_facets
 from rso_lidar.scene.meshes.mesh import (
     FARTHEST_M,
     Mesh,
@@ -48,6 +50,7 @@ _WAIT_S = 60.0  # for another process that adds a model: the largest meshes take
 _LONGEST_LIST = 1000  # characters of the names of parts in a message
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}")
 _DEFAULT = "lambertian_30"
+_PARTS = ".parts.csv"  # ends the name of the table of facets beside a mesh
 _HEAD = (
     "# Your own models, kept by `rso-lidar models add` and `remove`. Correct what you know better: centre of mass, parts,\n"
     "# taxonomy; mass_kg, inertia_kg_m2 and hinges may be added, in the form of the shipped models/index.toml.\n\n"
@@ -66,6 +69,8 @@ class MeshOptions:
     mesh_axes : ``"z_up"``, or ``"y_up"`` to turn the file's y to z
     material : of the catalogue, for all parts
     part_materials, part_classes : material, and common part class, by name of the part
+    facet_parts : table of the parts of facets, .csv (facet, part) or .npy (None: parts as the file names them)
+    by_material : whether each material of the file is a part
     center_of_mass_m : (xyz) in the axes of the mesh [m] (None: the origin of the file)
     what : a line for lists of models
     taxonomy : fields of `Taxonomy` that are known, such as ``object_class``
@@ -78,6 +83,8 @@ class MeshOptions:
     material: str | None = None
     part_materials: Mapping[str, str] = field(default_factory=dict)
     part_classes: Mapping[str, str] = field(default_factory=dict)
+    facet_parts: Path | None = None
+    by_material: bool = False
     center_of_mass_m: tuple[float, float, float] | None = None
     what: str | None = None
     taxonomy: Mapping[str, Any] = field(default_factory=dict)
@@ -119,6 +126,8 @@ def add_model(
         blob, suffix, unit_m, source = path.read_bytes(), path.suffix.lower(), None, path.name
         if suffix == ".gltf" and GltfFile(path, blob).has_data_beside:
             raise MeshError(f"{path.name}: keeps its data in other files; export it as one .glb")
+    if given.facet_parts is not None or given.by_material:
+        mesh = group_facets(mesh, given.facet_parts)
     known = known_meshes().get(hashlib.sha256(blob).hexdigest(), {})
     name = given.name or known.get("name") or re.sub(r"[^a-z0-9_-]+", "_", path.stem.lower()).strip("_-")
     folder = own_folder()
@@ -141,11 +150,15 @@ def add_model(
             table = {"name": name, "file": place.name, "source": source, "size_bytes": len(blob), **table}
             if not _LEAST_M < (largest_m := max(table["size_m"])) < FARTHEST_M:
                 raise MeshError(f"{path.name}: is {largest_m:.4g} m across; give --scale or --size-m")
+            if given.facet_parts is not None or given.by_material:
+                table |= _write_parts(folder, name, mesh)
             own_entry(folder / "index.toml", table)
         entries = [entry for entry in read_own_index(folder / "index.toml") if entry.get("name") != name]
         _write_index(folder, [*entries, table])
         if before is not None and before.path != place:
             _unlink(before.path, folder)
+        if "facet_parts" not in table:
+            _unlink(folder / f"{name}{_PARTS}", folder)
         return model(name), report
 
 
@@ -178,7 +191,16 @@ def remove_model(name: str) -> Path:
         files = [str(table.get("file", "")) for table in tables if table.get("name") == name]
         place = folder / Path(files[0] or name).name
         _unlink(place, folder)
+        _unlink(folder / f"{Path(name).name}{_PARTS}", folder)
     return place
+
+
+def _write_parts(folder: Path, name: str, mesh: Mesh) -> dict[str, str]:
+    """Write which facet belongs to what part beside a mesh, and return the keys of the index that name the table."""
+    place = folder / f"{name}{_PARTS}"
+    with write_atomically(place) as draft:
+        draft.write_text(format_facet_words(mesh), encoding="utf-8", newline="\n")
+    return {"facet_parts": place.name, "facet_parts_sha256": hash_table(place)}
 
 
 def _lock_library(folder: Path) -> AbstractContextManager[None]:
@@ -194,6 +216,8 @@ def _unlink(place: Path, folder: Path) -> None:
 
 
 def _check_numbers(given: MeshOptions) -> None:
+    if given.facet_parts is not None and given.by_material:
+        raise MeshError("--facet-parts and --by-material: both make the parts; give one")
     if given.scale is not None and given.size_m is not None:
         raise MeshError("--scale and --size-m: both set the size; give one")
     for option, value in (("--scale", given.scale), ("--size-m", given.size_m)):

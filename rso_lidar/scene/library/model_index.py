@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -12,9 +13,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
 from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, has_warnings_enabled, warn
-from rso_lidar.files import read_text
+from rso_lidar.files import MOST_BYTES, read_bytes, read_text
 from rso_lidar.part import MOST_TOML_BYTES, Count, NotNegative, Positive, Text, Vector, Whole, explain, parse_toml
-from rso_lidar.records import OTHER, PART_CLASSES, Hinge, PartClass, Symmetry, Taxonomy
+from rso_lidar.records import OTHER, PART_CLASSES, Hinge, Keypoint, PartClass, Symmetry, Taxonomy
+from rso_lidar.scene.meshes.facet_groups import group_facets
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
 from rso_lidar.user_settings import get_setting
@@ -51,6 +53,8 @@ class ModelEntry(BaseModel):
         Class, shape, size and rotation
     hinges
         Parts that turn, and their axes, in mesh coordinates
+    keypoints
+        Named points, in mesh coordinates with all hinges at zero
     symmetry
         Rotations that a lidar cannot tell apart, in mesh coordinates with all hinges at zero; None where there are none
     path
@@ -58,6 +62,9 @@ class ModelEntry(BaseModel):
     scale, mesh_axes, left_out
         How the file becomes the mesh that the other fields describe: metres in one unit of the file, "z_up" or "y_up".
         First and last facet (numbers in the file) of each run that does not belong to the craft
+    facet_parts, facet_parts_sha256
+        Name of the table beside the mesh that says which facet belongs to what part, and its hash; None where the file's own
+        names count
     own
         Whether the model is from the user's own library
     """
@@ -82,10 +89,13 @@ class ModelEntry(BaseModel):
     part_classes: dict[Text, PartClass] = {}
     taxonomy: Taxonomy
     hinges: tuple[Hinge, ...] = Field(default=(), alias="hinge")  # as the tables of the index are called
+    keypoints: tuple[Keypoint, ...] = Field(default=(), alias="keypoint")
     symmetry: Symmetry | None = None
     scale: Positive = 1.0
     mesh_axes: Literal["z_up", "y_up"] = "z_up"
     left_out: tuple[tuple[Whole, Whole], ...] = ()
+    facet_parts: Text | None = None
+    facet_parts_sha256: Text | None = None
     path: Path
     own: bool = False
 
@@ -101,7 +111,24 @@ class ModelEntry(BaseModel):
         mesh = load_mesh(self.path)
         if self.own and mesh.sha256 != self.sha256:
             raise MeshError(f"{self.path}: is not the file that was added as '{self.name}'; add it again (--overwrite)")
+        if self.facet_parts is not None:
+            table = self.path.with_name(Path(self.facet_parts).name)
+            if hash_table(table) != self.facet_parts_sha256:
+                raise MeshError(
+                    f"{table}: is not the table that was added with '{self.name}'; add it again (--overwrite)"
+                )
+            mesh = _group_once(mesh, table, self.facet_parts_sha256)
         return normalize_mesh(mesh, self.scale, self.mesh_axes, self.left_out)
+
+
+def hash_table(table: Path) -> str:
+    """Return the SHA-256 of a table of facets, or raise `MeshError`."""
+    return hashlib.sha256(read_bytes(table, MOST_BYTES, MeshError, "table (.csv)")).hexdigest()
+
+
+@functools.lru_cache(maxsize=16)
+def _group_once(mesh: Mesh, table: Path, _sha256: str | None) -> Mesh:
+    return group_facets(mesh, table)
 
 
 def models() -> dict[str, ModelEntry]:

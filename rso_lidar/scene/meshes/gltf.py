@@ -150,6 +150,7 @@ def _make_pieces(
                 continue
             facets, used = _read_facets(document, shape.table)
             colours = _read_colours(document, shape.table, facets, used)
+            material = _name_material(document, shape.table)
             for node in users:
                 points = _read_points(document, shape.table, used, (nodes[node], mesh), worlds)
                 pose = np.eye(4) if "skin" in nodes[node] else worlds[node]  # joints place a skin, not its own node
@@ -163,6 +164,8 @@ def _make_pieces(
                     points,
                     (facets[None] + first).reshape(-1, 3),
                     None if colours is None else np.tile(colours, (len(matrices), 1)),
+                    np.zeros(len(facets) * len(matrices), dtype=np.int64),
+                    (material,),
                 )
 
 
@@ -306,6 +309,15 @@ def _apply_skin(
     if not (sums > 0.0).all():
         raise document.refuse("has vertices of a skin without joints; apply the skin and export it again")
     return moved / sums[:, None]
+
+
+def _name_material(document: GltfFile, table: Mapping[str, Any]) -> str:
+    """Return the name of the material of a primitive, such as ``material_2`` where it has none; empty without one."""
+    if "material" not in table:
+        return ""
+    number = document.count_of(table, "material")
+    material = document.entry(document.list_of(document.tree, "materials"), number, "material")
+    return str(material.get("name") or f"material_{number}")
 
 
 def _read_colours(

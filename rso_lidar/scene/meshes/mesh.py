@@ -152,10 +152,9 @@ def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
     numbers: dict[str, int] = {}
     vertices, facets, part = [], [], []
     base = 0
-    for name, piece_vertices, piece_facets, _ in pieces:
+    for name, piece_vertices, piece_facets, *_ in pieces:
         number = numbers.setdefault(name, len(numbers))
-        if number >= _MOST_PARTS:
-            raise MeshError(f"{path.name}: has over {_MOST_PARTS:,} parts; join some and export it again")
+        check_part_count(path.name, number + 1)
         vertices.append(piece_vertices)
         facets.append(piece_facets + base)
         part.append(np.full(len(piece_facets), number, dtype=np.int16))
@@ -185,6 +184,12 @@ def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
         source_facets=len(all_facets),
         degenerate=len(all_facets) - len(sound),
     )
+
+
+def check_part_count(where: str, count: int) -> None:
+    """Raise `MeshError` if a mesh has more parts than labels can number."""
+    if count > _MOST_PARTS:
+        raise MeshError(f"{where}: has over {_MOST_PARTS:,} parts; join some and export it again")
 
 
 def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[MeshPiece]:
@@ -242,6 +247,39 @@ def read_facet_colours(mesh: Mesh) -> np.ndarray:
     distinct, place = np.unique(numbers, return_inverse=True)
     texts: np.ndarray = np.array([f"#{number:06x}" for number in distinct.tolist()], dtype=object)[place]
     return texts
+
+
+def read_facet_materials(mesh: Mesh) -> np.ndarray:
+    """Read the names of the materials of the facets of a mesh file, OBJ (`usemtl`) or glTF.
+
+    Parameters
+    ----------
+    mesh : as it was read
+
+    Returns
+    -------
+    ndarray
+        (facet in the file) texts, numbered like `Mesh.source_facet`; empty for facets without a material.
+
+    Raises
+    ------
+    MeshError
+        If the file names no materials.
+    """
+    path = mesh.path
+    suffix = path.suffix.lower()
+    words = []
+    for piece in _read_pieces(path, read_bytes(path, MOST_BYTES, MeshError, "mesh file"), suffix):
+        if piece.material is None:
+            words.append(np.full(len(piece.facets), "", dtype=object))
+        else:
+            words.append(np.array(piece.material_names, dtype=object)[piece.material])
+    names: np.ndarray = np.concatenate(words)
+    if len(names) != mesh.source_facets or not names.any():
+        raise MeshError(
+            f"{path.name}: names no materials (OBJ and glTF files can); give a table of facets, a .csv (facet, part)"
+        )
+    return names
 
 
 def normalize_mesh(

@@ -23,12 +23,16 @@ class MeshPiece(NamedTuple):
     name : of the part
     vertices, facets : (vertex, xyz) f8, and their numbers (facet, 3)
     colours : (facet, rgb) u1, None where the file has none or cannot have any
+    material : (facet), index among `material_names`; None where the file names no materials
+    material_names : names of the materials of the file; an empty name is none
     """
 
     name: str
     vertices: np.ndarray
     facets: np.ndarray
     colours: np.ndarray | None = None
+    material: np.ndarray | None = None
+    material_names: tuple[str, ...] = ()
 
 
 def cut_polygons(where: str, points: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -> np.ndarray:

@@ -7,9 +7,9 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.dataset import label_frame
-from rso_lidar.dataset.annotation.frame_labels import find_box, number_part_classes
+from rso_lidar.dataset.annotation.frame_labels import number_part_classes
 from rso_lidar.errors import RecordError
-from rso_lidar.records import PART_CLASSES
+from rso_lidar.records import PART_CLASSES, find_box
 
 CLASSES = tuple(PART_CLASSES)
 BENCH = """

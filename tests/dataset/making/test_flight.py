@@ -17,7 +17,7 @@ from tests.dataset.bench_for_tests import CAMERA, SUN, find_sample, make_spec
 
 GSFL = 'lidar.detector={type="gsfl"}'
 SUNLIT = (GSFL, SUN, "lidar.receiver.filter_width_nm=10.0")
-ALL_LABELS = {"part_visibility": True, "oversampled": True, "camera_electrons": True}
+ALL_LABELS = dict.fromkeys(("part_visibility", "oversampled", "camera_electrons", "keypoints", "normals"), True)
 
 
 @pytest.mark.parametrize(
