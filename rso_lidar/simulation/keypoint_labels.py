@@ -20,13 +20,7 @@ def label_keypoints(scenario: Scenario, truth: Truth, lens: Receiver) -> dict[st
     """Label the keypoints of all targets in the image of one sensor.
 
     A point is visible if it is in the field and no surface crosses the ray to it, except within the last 5 thousandths of
-    the radius of its target.
-
-    Parameters
-    ----------
-    scenario : with its targets
-    truth : poses of all bodies, with the sensor at the "lidar" axes
-    lens : lens and focal plane of the sensor
+    the radius of its target. The sensor is at the "lidar" axes of the truth.
 
     Returns
     -------
@@ -60,17 +54,7 @@ def label_keypoints(scenario: Scenario, truth: Truth, lens: Receiver) -> dict[st
 
 
 def place_keypoints(scenario: Scenario, truth: Truth) -> tuple[np.ndarray, np.ndarray]:
-    """Place the keypoints of all targets in lidar axes.
-
-    Parameters
-    ----------
-    scenario : with its targets
-    truth : poses of all bodies and of their hinges
-
-    Returns
-    -------
-    (keypoint, xyz) positions in lidar axes [m], and (keypoint) tolerances of their visibility [m].
-    """
+    """Return the keypoints of all targets (keypoint, xyz) in lidar axes [m], and tolerances of their visibility [m]."""
     groups = scenario.carried_points
     count = sum(len(group.place) for group in groups)
     places_m, tolerance_m = np.empty((count, 3)), np.empty(count)
@@ -84,20 +68,7 @@ def place_keypoints(scenario: Scenario, truth: Truth) -> tuple[np.ndarray, np.nd
 def label_camera_keypoints(
     scenario: Scenario, truth: Truth, camera: Camera, image: CameraImage
 ) -> dict[str, np.ndarray]:
-    """Label the keypoints of all targets in the image of a camera, at the middle of its exposure.
-
-    Parameters
-    ----------
-    scenario : with its targets
-    truth : poses of all bodies at the flash
-    camera : the camera
-    image : its image, which tells its exposure
-
-    Returns
-    -------
-    dict of ndarray
-        Fields of `CameraLabels`; empty if no target has keypoints.
-    """
+    """Label the keypoints of all targets in the image of a camera, at the middle of its exposure, as `label_keypoints`."""
     return label_keypoints(scenario, view_from_camera(truth, camera, image), camera.lens)
 
 

@@ -217,13 +217,7 @@ def _find_pose(sample: Sample, frame: Frame, axes: str) -> tuple[np.ndarray, np.
 
 
 def _pad_keypoints(frame: Frame, own: int | None, count: int) -> dict[str, np.ndarray]:
-    """Return place and visibility of the keypoints of a sample's target, in arrays of as many as any model has.
-
-    Parameters
-    ----------
-    own : index of the target; None without one
-    count : greatest number of keypoints of a model
-    """
+    """Return place and visibility of the keypoints of a sample's target, in arrays for as many points as any model has."""
     if not count:
         return {}
     place_px, visibility = np.full((count, 2), np.nan, np.float32), np.zeros(count, np.uint8)

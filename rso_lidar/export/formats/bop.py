@@ -254,7 +254,6 @@ def _describe_objects(
     Parameters
     ----------
     seen : matrix (4, 4) of image_from_<name> for all axes
-    labels : of the image
     has_depth : (row, col)
     """
     poses, infos = [], []

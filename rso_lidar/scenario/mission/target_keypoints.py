@@ -47,7 +47,6 @@ def group_keypoints(
 
     Parameters
     ----------
-    targets, entries : of a scenario, and their entries in its source
     radii_m : radius of each target about its origin [m]
     """
     groups, first = [], 0
@@ -69,12 +68,6 @@ def group_keypoints(
 
 def find_keypoints(target: Target, mesh: Mesh, file: Callable[[str], Path]) -> tuple[Keypoint, ...]:
     """Find the keypoints of a target in its body axes.
-
-    Parameters
-    ----------
-    target : of a scenario
-    mesh : of the target, whose parts may carry keypoints
-    file : finds a file that the scenario names
 
     Returns
     -------
@@ -116,16 +109,7 @@ def _place(target: Target, mesh: Mesh, file: Callable[[str], Path]) -> ModelPlac
 
 
 def read_keypoints(path: Path) -> tuple[Keypoint, ...]:
-    """Read a table of keypoints: .csv with the columns name, x, y, z, and part where a part carries the point.
-
-    Parameters
-    ----------
-    path : path of the table
-
-    Returns
-    -------
-    tuple of Keypoint
-        With positions in the unit and axes of the table.
+    """Read a table of keypoints (name, x, y, z, part), .csv; positions are in the unit and axes of the table.
 
     Raises
     ------

@@ -15,8 +15,8 @@ class LibraryModel(Part):
     """A model of the user's own library, as it was when the scenario was recorded.
 
     Recordings carry this table. A scenario is refused where the library's model of that name has changed since. Materials,
-    part classes, keypoints, centre of mass, taxonomy and hinges are not part of this table, because the recorded target itself
-    gives them.
+    part classes, keypoints, centre of mass, taxonomy and hinges are not part of this table, because the recorded target
+    itself gives them.
     """
 
     sha256: Text = Field(description="SHA-256 of the mesh file.")

@@ -73,12 +73,7 @@ def group_facets(mesh: Mesh, table: Path | None = None) -> Mesh:
 
 
 def format_facet_words(mesh: Mesh) -> str:
-    """Write the parts of a mesh as a table (facet, part) that `read_facet_words` reads, with a line for each span.
-
-    Parameters
-    ----------
-    mesh : with the parts; facets that were dropped on loading are in none
-    """
+    """Write the parts of a mesh as a table (facet, part) that `read_facet_words` reads, with a line for each span."""
     place, part = mesh.source_facet.astype(np.int64), mesh.part
     first = np.flatnonzero((np.diff(place, prepend=-9) != 1) | (np.diff(part, prepend=-1) != 0))
     last = np.append(first[1:], len(place)) - 1
