@@ -26,7 +26,7 @@ import rso_lidar as rl
 from models.build.materials import MATERIALS
 from models.build.measured import MEASUREMENTS, SOLAR, preset_reflectance
 from rso_lidar import part, records
-from rso_lidar.dataset.shards.layout import LabelledFrame
+from rso_lidar.dataset.shards.layout import LabelledFrame, LabelledImage
 from rso_lidar.dataset.specification.distributions import Law
 from rso_lidar.detector.analysis.false_alarms import mean_false_alarms_per_s
 from rso_lidar.evaluation import CurvesFile
@@ -96,7 +96,7 @@ def pages(*names: str) -> dict[Path, str]:
         "targeting.md": {"targeter keys": targeter_keys, "quantities": quantities},
         "camera_fit.md": {"curve keys": curve_keys},
         "protocol.md": {"requests": request_keys},
-        "datasets.md": {"arrays": shard_arrays, "spec keys": dataset_keys},
+        "datasets.md": {"arrays": shard_arrays, "arrays of cameras": image_arrays, "spec keys": dataset_keys},
         "glossary.md": {"classes": classes},
         "architecture.md": {"floors": floors, "rooms": rooms},
         "calibration.md": {"measured": measured_materials, "spectra": material_spectra},
@@ -365,6 +365,11 @@ def dataset_keys() -> str:
 def shard_arrays() -> str:
     """Return the table of the arrays of a shard."""
     return _array_table(LabelledFrame, "frame")
+
+
+def image_arrays() -> str:
+    """Return the table of the arrays of a shard that hold images of a camera."""
+    return _array_table(LabelledImage, "frame")
 
 
 # -------------------------------------------------------------------------------------------------- records.md

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from rso_lidar.export.formats.bop import choose_depth_scale, quantize_depth
     from rso_lidar.export.formats.camera import fit_camera
     from rso_lidar.export.formats.parquet import check_parquet, write_parquet
-    from rso_lidar.export.formats.png import encode_png
+    from rso_lidar.export.formats.png import encode_png, split_bands
     from rso_lidar.export.formats.raster import write_raster
     from rso_lidar.export.formats.trajectory import to_stamp_ns
     from rso_lidar.export.formats.truth_batches import peek_source, read_truth
@@ -56,6 +56,7 @@ __all__ = [
     "read_truth",
     "run_id",
     "save",
+    "split_bands",
     "to_stamp_ns",
     "write_parquet",
     "write_raster",

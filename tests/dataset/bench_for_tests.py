@@ -26,6 +26,8 @@ CAMERA = (
     'camera=[{name="nav",mount={position_m=[0,0.1,0]},lens={fov_deg=2.4,f_number=2,n_rows=24,n_cols=32,'
     "rays_per_pixel=16},auto_exposure={}}]"
 )
+SUN = "world.sun_direction=[-1, 0.2, 0.1]"
+EYE = '{name="eye",bands="rgb",start_ms=0.5,lens={fov_deg=2,f_number=4,n_rows=6,n_cols=8}}'  # in three bands
 SPEC = """
 version = 1
 name = "two bodies"

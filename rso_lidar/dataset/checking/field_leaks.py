@@ -9,11 +9,13 @@ field tells nothing, all exchanges are equally likely, whatever the forest learn
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from rso_lidar.dataset.reading.random_access import Dataset, Split
+from rso_lidar.dataset.shards.layout import name_camera_array
 
 _NAMED = ("sample", "step", "draw", "seed", "frame_number", "time_s", "sensor_id", "intrinsics_px")
 _LABELS = ("class_id", "model_id", "range_to_target_m", "quaternion_xyzw", "position_m")
@@ -41,7 +43,8 @@ def search_fields(dataset: Dataset) -> list[str]:
     One line for each field and label.
     """
     rng = np.random.default_rng(0)
-    tables = [_read_fields(dataset.split(name), rng) for name in dataset.labelled_splits]
+    fields = (*_NAMED, *_list_image_fields(dataset))
+    tables = [_read_fields(dataset.split(name), fields, rng) for name in dataset.labelled_splits]
     if not tables:
         return []
     columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
@@ -62,9 +65,20 @@ def search_fields(dataset: Dataset) -> list[str]:
     return find_field_leaks(columns, labels, split)
 
 
-def _read_fields(split: Split, rng: np.random.Generator) -> dict[str, np.ndarray]:
+def _list_image_fields(dataset: Dataset) -> list[str]:
+    """List the fields of the cameras beside the lidar. An auto exposure is a reading, which may depend on the target."""
+    fields = []
+    for name in dataset.cameras:
+        tables = [json.loads(cameras[name].table) for cameras in dataset.constants.cameras.values()]
+        is_reading = any("auto_exposure" in table for table in tables)
+        named = ("start_s", "intrinsics_px") if is_reading else ("start_s", "intrinsics_px", "exposure_s")
+        fields += [name_camera_array(name, field) for field in named]
+    return fields
+
+
+def _read_fields(split: Split, fields: Sequence[str], rng: np.random.Generator) -> dict[str, np.ndarray]:
     """Read the fields and labels of one random frame of each sample of a split."""
-    columns = {name: split.column(name) for name in (*_NAMED, *_LABELS)}
+    columns = {name: split.column(name) for name in (*fields, *_LABELS)}
     frames = [record.frames for record in split.records]
     status = [(split.folder / record.path).stat() for record in split.records]
     listed = {

@@ -11,7 +11,7 @@ import numpy as np
 
 from rso_lidar.dataset.checking.field_leaks import has_forest, search_fields
 from rso_lidar.dataset.checking.order_leaks import find_order_leaks
-from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics
+from rso_lidar.dataset.checking.statistics import LabelStatistics, list_columns
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, list_names
@@ -195,7 +195,8 @@ def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
     if not splits:
         return None
     drawn = [name for name in splits[0].names if name.startswith(VARIABLE_PREFIX)]
-    columns = {name: np.concatenate([split.column(name) for split in splits]) for name in (*COLUMNS, *drawn)}
+    chosen = (*list_columns(splits[0].names), *drawn)
+    columns = {name: np.concatenate([split.column(name) for split in splits]) for name in chosen}
     return LabelStatistics(
         {name.removeprefix(VARIABLE_PREFIX): values for name, values in columns.items()}, dataset.classes
     )

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics, find_leaks
+from rso_lidar.dataset.checking.statistics import LabelStatistics, find_leaks, list_columns
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, list_names, list_numbers
 from rso_lidar.dataset.making.make import check_samples
-from rso_lidar.dataset.shards.layout import LabelledFrame
+from rso_lidar.dataset.shards.layout import LabelledFrame, list_entries
 from rso_lidar.dataset.shards.shard_file import write_shard
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.dataset.specification.tables import SPLITS
@@ -131,7 +131,8 @@ def _choose(plan: DatasetPlan, count: int) -> list[int]:
 
 
 def _collect(frames: list[LabelledFrame]) -> dict[str, Any]:
-    return {name: np.array([getattr(frame, name) for frame in frames]) for name in COLUMNS}
+    entries = [list_entries(frame) for frame in frames]
+    return {name: np.array([entry[name] for entry in entries]) for name in list_columns(entries[0])}
 
 
 def _compare_drawn(plan: DatasetPlan, count: int) -> tuple[str, ...]:

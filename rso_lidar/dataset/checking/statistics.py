@@ -8,10 +8,12 @@ corrected for the number of tests.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from rso_lidar.dataset.shards.layout import list_cameras, name_camera_array
 
 COLUMNS = (
     "class_id",
@@ -25,6 +27,8 @@ COLUMNS = (
     "step",
     "draw",
 )
+_IMAGE_COLUMNS = ("target_pixels", "target_electrons", "full_pixels")  # of each camera beside the lidar
+_DARK_ELECTRONS = 1.0  # in a pixel on a target: below the noise of any camera; assumed
 _SHARES = (0.0, 0.5, 1.0)
 _FEW_PIXELS, _MANY_PIXELS = 1, 100  # reporting pixels: detected at all; needed to classify (Fuller et al., sec. 5)
 _CHANCE = 1e-3  # of a false alarm in a whole check
@@ -34,13 +38,23 @@ _CENTRED_PX = 2.0  # from the centre of the image; assumed
 _CENTRED_SHARE = 0.9  # of the frames with a target; assumed
 
 
+def list_columns(names: Iterable[str]) -> tuple[str, ...]:
+    """List the arrays of a shard that statistics are made of: those of `COLUMNS`, and some of each camera.
+
+    Parameters
+    ----------
+    names : of all arrays of the shard
+    """
+    return *COLUMNS, *(name_camera_array(camera, field) for camera in list_cameras(names) for field in _IMAGE_COLUMNS)
+
+
 @dataclass(frozen=True, eq=False)
 class LabelStatistics:
     """Columns of labels of many frames, with their table and warnings.
 
     Parameters
     ----------
-    columns : arrays (frame) by name: those of `COLUMNS`, and drawn numbers
+    columns : arrays (frame) by name: those of `list_columns`, and drawn numbers
     classes : names of the classes
     """
 
@@ -68,14 +82,39 @@ class LabelStatistics:
             none, many = np.mean(reporting < _FEW_PIXELS), np.mean(reporting > _MANY_PIXELS)
             lines.append(f"{name:20} {mine.sum():8,} {ranges:>29} {pixels:>22} {none:6.0%} {many:9.0%}")
         without = int((self.columns["present"] == 0).sum())
-        return [*lines, f"{'no target':20} {without:8,}"] if without else lines
+        lines += [f"{'no target':20} {without:8,}"] if without else []
+        for camera in list_cameras(self.columns):
+            lines += ["", *self._tabulate_images(camera)]
+        return lines
+
+    def _tabulate_images(self, camera: str) -> list[str]:
+        """Return a table of pixels and light by class in the images of a camera, as lines."""
+        pixels, light = "pixels on target", "electrons in a pixel"
+        lines = [f"{f'camera {camera}':20} {'frames':>8} {pixels:>29} {light:>22} {'none':>6} {'full':>9}"]
+        on_target, mean, is_full = self._measure_images(camera)
+        for k, name in enumerate(self.classes):
+            mine = self.columns["class_id"] == k
+            if not mine.any():
+                continue
+            pixels = "  ".join(f"{x:8.0f}" for x in np.quantile(on_target[mine], _SHARES))
+            seen = mine & (on_target > 0)
+            light = "  ".join(f"{x:6.4g}" for x in np.quantile(mean[seen], _SHARES)) if seen.any() else ""
+            none, full = np.mean(on_target[mine] == 0), np.mean(is_full[mine])
+            lines.append(f"{name:20} {mine.sum():8,} {pixels:>29} {light:>22} {none:6.0%} {full:9.0%}")
+        return lines
+
+    def _measure_images(self, camera: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return for each frame the pixels on the target, their mean electrons, and whether half as many pixels are full."""
+        on_target, light, full = (self.columns[name_camera_array(camera, field)] for field in _IMAGE_COLUMNS)
+        return on_target, light / np.maximum(on_target, 1), (full > 0) & (full >= 0.5 * on_target)
 
     def warn(self) -> list[str]:
         """Return one line for each leak, and for each finding about targets and returns."""
         first = self.columns["draw"] == 0  # other noise draws share the pose, so they are not independent
         with_target = first & (self.columns["present"] == 1)
         independent = with_target & (self.columns["step"] == 0)  # later frames of an encounter resemble its first
-        drawn = {name: values for name, values in self.columns.items() if name not in COLUMNS}
+        known = list_columns(self.columns)
+        drawn = {name: values for name, values in self.columns.items() if name not in known}
         tested = {"range": self.columns["range_to_target_m"], "offset from the centre": self.offset_px} | drawn
         reporting = np.where(self.columns["present"] == 1, self.columns["reporting_pixels"], -1)
         return [
@@ -85,6 +124,27 @@ class LabelStatistics:
                 self.classes,
             ),
             *find_constants(self.offset_px[with_target], reporting[first]),
+            *(line for camera in list_cameras(self.columns) for line in self._warn_of_images(camera, with_target)),
+        ]
+
+    def _warn_of_images(self, camera: str, chosen: np.ndarray) -> list[str]:
+        """Return one line for each finding about the images of a camera in chosen frames (frame) with a target."""
+        on_target, mean, is_full = (values[chosen] for values in self._measure_images(camera))
+        findings = (
+            (on_target == 0, "see nothing of it; widen the camera's field, or turn its mount"),
+            (
+                (on_target > 0) & (mean < _DARK_ELECTRONS),
+                f"have less than {_DARK_ELECTRONS:g} electron in its pixels; light it by view.sun or world.sun_direction",
+            ),
+            (
+                is_full,
+                "are full in as many pixels as half of the target has; shorten the exposure, or take auto_exposure",
+            ),
+        )
+        return [
+            f"camera {camera}: {np.mean(where):.1%} of the images of frames with a target {text}"
+            for where, text in findings
+            if where.any()
         ]
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.dataset.conversion.frame_batches import choose_images
-from rso_lidar.dataset.conversion.image_folders import IMAGES, write_image_folders
+from rso_lidar.dataset.conversion.image_folders import list_images, write_image_folders
 from rso_lidar.dataset.conversion.tar_archives import write_tar_archives
 from rso_lidar.dataset.conversion.tensorflow_files import write_tensorflow_files
 from rso_lidar.dataset.shards.layout import is_image
@@ -83,7 +83,8 @@ def export_dataset(
     lines = []
     with draft_export_folder(place, overwrite=overwrite) as draft:
         if to == "images":
-            arrays, advice = list(IMAGES), f"this format has {', '.join(IMAGES)} only"
+            arrays = list_images(data)
+            advice = f"this format has {', '.join(arrays)} only"
             info["range_step_mm"] = step_mm = write_image_folders(draft, data, chosen, info)
             lines.append(
                 f"range       {step_mm:g} mm per grey level; 0 is no return, or a range beyond "

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.dataset.shards.layout import is_image
+from rso_lidar.dataset.shards.layout import is_image, list_cameras, name_camera_array
 from rso_lidar.errors import DatasetError, did_you_mean
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 BATCH = 32  # frames read at once
 FRAMES_PER_FILE = 1024  # of an export in large files: 0.1 GB of 128 x 128 pixels, a size that object stores serve well
-USUAL_IMAGES = ("range_m", "intensity_counts", "saturated", "target", "part_class_id")
+USUAL_IMAGES = ("range_m", "intensity_counts", "saturated", "target", "part_class_id")  # of the lidar and of cameras
 _IDENTITY = ("sample", "step", "draw")
 
 
@@ -26,7 +26,7 @@ class ExportedFrame:
     """One frame of a dataset for an export.
 
     `numbers` has the numbers and short vectors of the frame by name. `words` has its split and the names of its class, model
-    and sensor, None where it has none. `images` has the chosen arrays (row, col) by name.
+    and sensor, None where it has none. `images` has the chosen arrays (row, col) by name; those of cameras may have bands.
     """
 
     name: str
@@ -77,7 +77,8 @@ def choose_images(frames: Split, wanted: Sequence[str]) -> list[str]:
 
     Parameters
     ----------
-    wanted : names of arrays; ``all`` stands for all of them. If empty, `USUAL_IMAGES`
+    wanted : names of arrays; ``all`` stands for all of them. If empty, `USUAL_IMAGES` of the lidar and of all cameras but
+        the cameras' true range
 
     Raises
     ------
@@ -90,7 +91,10 @@ def choose_images(frames: Split, wanted: Sequence[str]) -> list[str]:
             raise DatasetError(f"{name}: no such images{did_you_mean(name, known)} (known: {', '.join(known)}; or all)")
     if "all" in wanted:
         return known
-    return [name for name in known if name in (wanted or USUAL_IMAGES)]
+    if wanted:
+        return [name for name in known if name in wanted]
+    of_cameras = {name_camera_array(camera, field) for camera in list_cameras(known) for field in USUAL_IMAGES[1:]}
+    return [name for name in known if name in USUAL_IMAGES or name in of_cameras]
 
 
 def name_frame(numbers: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -16,7 +16,8 @@ import numpy as np
 
 from rso_lidar.dataset.annotation.frame_labels import LEAST_PHOTONS, find_box
 from rso_lidar.dataset.conversion.frame_batches import ExportedFrame, read_batches, read_frames
-from rso_lidar.export import choose_depth_scale, encode_png, quantize_depth
+from rso_lidar.dataset.shards.layout import name_camera_array
+from rso_lidar.export import choose_depth_scale, encode_png, quantize_depth, split_bands
 from rso_lidar.units import MM
 
 if TYPE_CHECKING:
@@ -24,16 +25,18 @@ if TYPE_CHECKING:
 
 OWN_TARGET = 0  # value of the label `target` on the sample's target; other bodies have other numbers
 MASKS = ("target", "part_class_id")  # label k is the grey level k + 1, and the sky is 0
-IMAGES = ("range_m", "intensity_counts", *MASKS)  # arrays that are written
-_READ = (*IMAGES, "photons")
+_IMAGES = ("range_m", "intensity_counts", *MASKS)  # arrays of the lidar that are written
+_CAMERA_IMAGES = ("intensity_counts", *MASKS)  # and of each camera beside it
 _OF_TARGET = ("lit_pixels", "reporting_pixels", "range_to_target_m", "position_m", "quaternion_xyzw")
+_OF_TARGET_IN_IMAGE = ("target_pixels", "position_m", "quaternion_xyzw")
 
 
 def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info: Mapping[str, Any]) -> float:
     """Write images/<split>/<range|intensity|target|part_class_id>/<frame>.png, and annotations/<split>.json.
 
     A grey level of a range image is a step of range, the same in all images of the folder. Grey level 0 is no return, or a
-    range beyond 65,535 steps.
+    range beyond 65,535 steps. Images of a camera beside the lidar are in images/<split>/camera.<name>/<intensity|…>, and
+    their annotations in annotations/<split>.camera.<name>.json. Their grey levels are counts of the sensor.
 
     Returns
     -------
@@ -41,16 +44,65 @@ def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info
         Step of range [mm]: the finest of 0.1, 0.2, 0.5, 1, … with which 16 bits reach the farthest true range.
     """
     step_mm = choose_depth_scale(_find_farthest_m(data, splits))
+    images = [*list_images(data), "photons"]
     (folder / "annotations").mkdir()
     for split in splits:
+        below = folder / "images" / split
         for kind in ("range", "intensity", *MASKS):
-            (folder / "images" / split / kind).mkdir(parents=True)
-        place = folder / "annotations" / f"{split}.json"
-        with open_coco(place, {**info, "range_step_mm": step_mm}, data.classes) as coco:
-            for frame in read_frames(data, split, _READ):
-                _write_images(folder / "images" / split, frame, step_mm)
+            (below / kind).mkdir(parents=True)
+        with ExitStack() as stack:
+            place = folder / "annotations" / f"{split}.json"
+            coco = stack.enter_context(open_coco(place, {**info, "range_step_mm": step_mm}, data.classes))
+            cameras = {}
+            for camera in data.cameras:
+                for kind in ("intensity", *MASKS):
+                    (below / f"camera.{camera}" / kind).mkdir(parents=True)
+                tables = {
+                    sensor: json.loads(entries[camera].table) for sensor, entries in data.constants.cameras.items()
+                }
+                place = folder / "annotations" / f"{split}.camera.{camera}.json"
+                cameras[camera] = stack.enter_context(open_coco(place, {**info, "cameras": tables}, data.classes))
+            for frame in read_frames(data, split, images):
+                _write_images(below, frame, step_mm)
                 _annotate(coco, frame)
+                for camera, coco_of_camera in cameras.items():
+                    bands = _list_bands(data, camera)
+                    names = _write_camera_images(below / f"camera.{camera}", frame, camera, bands)
+                    _annotate_image(coco_of_camera, frame, camera, names)
     return step_mm
+
+
+def list_images(data: Dataset) -> list[str]:
+    """List the arrays that become images."""
+    of_cameras = [name_camera_array(camera, field) for camera in data.cameras for field in _CAMERA_IMAGES]
+    return [*_IMAGES, *of_cameras]
+
+
+def _list_bands(data: Dataset, camera: str) -> list[str]:
+    """Return the names of the bands of a camera, those of the first sensor."""
+    return [band["name"] for band in json.loads(data.constants.cameras[data.sensors[0]][camera].table)["bands"]]
+
+
+def _write_camera_images(folder: Path, frame: ExportedFrame, camera: str, bands: Sequence[str]) -> list[str]:
+    """Write the image of a camera and its masks, and return the names of the files of the image."""
+    names = []
+    for suffix, image in split_bands(bands, frame.images[name_camera_array(camera, "intensity_counts")]):
+        names.append(f"{frame.name}{suffix}.png")
+        (folder / "intensity" / names[-1]).write_bytes(encode_png(image))
+    for mask in MASKS:
+        levels = (frame.images[name_camera_array(camera, mask)] + 1).astype(np.uint8)
+        (folder / mask / f"{frame.name}.png").write_bytes(encode_png(levels))
+    return names
+
+
+def _annotate_image(coco: CocoWriter, frame: ExportedFrame, camera: str, names: Sequence[str]) -> None:
+    """Add an image of a camera, in files of some names, and its target to the annotations of its split."""
+    target = frame.images[name_camera_array(camera, "target")]
+    facts = frame.description
+    files = [f"{facts['split']}/camera.{camera}/intensity/{name}" for name in names]
+    image = {"file_name": files[0], "height": target.shape[0], "width": target.shape[1], "files": files}
+    of_target = {field: facts[name_camera_array(camera, field)] for field in _OF_TARGET_IN_IMAGE}
+    coco.add({**image, **facts}, (target == OWN_TARGET) & bool(facts["present"]), facts["class_id"] + 1, of_target)
 
 
 def _find_farthest_m(data: Dataset, splits: Sequence[str]) -> float:

@@ -174,15 +174,18 @@ def _label_images(plan: DatasetPlan, sample: Sample, frame: Frame) -> dict[str, 
     for camera in sample.scenario.camera:
         image, labels = frame.camera[camera.name], frame.camera_labels[camera.name]
         position, quaternion = _find_pose(sample, frame, camera.name)
-        bodies = number_bodies(labels.target, sample.target)
+        hit = np.nonzero(labels.target >= 0)  # mostly a small part of the pixels
+        target, part = labels.target[hit], labels.part[hit]
+        bodies, classes = np.full(labels.target.shape, -1, np.int8), np.full(labels.target.shape, -1, np.int8)
+        bodies[hit], classes[hit] = number_bodies(target, sample.target), class_of[target, part]
         on_target = (bodies == 0) & (sample.target is not None)
-        is_full = (image.intensity_counts == camera.sensor.greatest_count).any(axis=2)
+        is_full = image.intensity_counts.max(axis=2) == camera.sensor.greatest_count
         focal_px = camera.lens.focal_length_m / camera.lens.pixel_pitch_m
         images[camera.name] = LabelledImage(
             intensity_counts=image.intensity_counts,
             target=bodies,
             part=labels.part,
-            part_class_id=np.where(labels.target >= 0, class_of[labels.target, labels.part], -1),
+            part_class_id=classes,
             range_m=labels.range_m,
             filled_fraction=labels.filled_fraction,
             exposure_s=image.exposure_s,

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rso_lidar.dataset.shards.layout import LabelledFrame, describe_array
+from rso_lidar.dataset.shards.layout import LabelledFrame, LabelledImage, describe_array, name_camera_array
 from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.imaging import Camera
 from rso_lidar.part import Part
 from rso_lidar.records import specs
 from rso_lidar.scenario import Lidar, name_fragments
@@ -43,7 +44,8 @@ def list_arrays(data: Dataset) -> str:
     split = data.split(data.splits[0])
     first = split[0]
     rows = []
-    stated = [*specs(LabelledFrame)]  # in the order in which a person reads them; drawn numbers follow
+    of_cameras = [name_camera_array(camera, field) for camera in data.cameras for field in specs(LabelledImage)]
+    stated = [*specs(LabelledFrame), *of_cameras]  # in the order in which a person reads them; drawn numbers follow
     for name in sorted(split.names, key=lambda key: stated.index(key) if key in stated else len(stated)):
         spec = describe_array(name)
         shape = " × ".join(["frame", *map(str, first[name].shape)])
@@ -124,9 +126,11 @@ def list_models(data: Dataset) -> str:
 
 
 def list_sensors(data: Dataset) -> Iterator[tuple[str, list[Parameter]]]:
-    """Yield name and parameters of each sensor."""
+    """Yield name and parameters of each sensor, and of each camera beside it."""
     for name in data.sensors:
-        yield name, list_parameters(data.constants.lidars[name])
+        yield name, list_parameters(data.constants.lidars[name], "lidar", Lidar)
+        for camera, entry in data.constants.cameras.get(name, {}).items():
+            yield f"{name}, camera {camera}", list_parameters(entry.table, f"camera.{camera}", Camera)
 
 
 @dataclass(frozen=True)
@@ -177,23 +181,25 @@ class Parameter(NamedTuple):
     is_assumed: bool
 
 
-def list_parameters(lidar: str) -> list[Parameter]:
-    """List the parameters of a sensor.
+def list_parameters(text: str, place: str, part: type[Part]) -> list[Parameter]:
+    """List the parameters of a sensor or a camera.
 
     Parameters
     ----------
-    lidar : its table as JSON
+    text : its table as JSON
+    place : of the table in the scenario
+    part : class that the table fills
 
     Returns
     -------
     list of Parameter
         Without meanings if the parts of this version cannot read the table, such as for a detector of the user's own.
     """
-    table = json.loads(lidar)
+    table = json.loads(text)
     try:
-        return list(_walk(Lidar.model_validate_json(lidar), "lidar"))
+        return list(_walk(part.model_validate_json(text), place))
     except (ScenarioError, ValueError):
-        return [Parameter(place, value, "", False) for place, value in _flatten(table, "lidar")]
+        return [Parameter(key, value, "", False) for key, value in _flatten(table, place)]
 
 
 def _walk(part: Part, place: str) -> Iterator[Parameter]:

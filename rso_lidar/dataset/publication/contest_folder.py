@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.dataset.publication.attribution import Attribution
-from rso_lidar.dataset.publication.card_text import CARD, LIMITS, cite
+from rso_lidar.dataset.publication.card_text import CARD, cite, list_limits
 from rso_lidar.dataset.reading.contest_key import CONTEST_SPLIT, HASHES, ContestKey, find_key
 from rso_lidar.dataset.reading.random_access import SPEC_FILE, Split
+from rso_lidar.dataset.shards.layout import name_camera_array
 from rso_lidar.dataset.shards.manifest import ShardRecord, append_record
 from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE, SENSOR_HASH
 from rso_lidar.dataset.shards.shard_file import hash_file, write_arrays
@@ -35,6 +36,7 @@ READINGS = (
     "sensor_id",
     "intrinsics_px",
 )  # what the sensor knows of a frame
+_CAMERA_READINGS = ("intensity_counts", "exposure_s", "start_s", "intrinsics_px")  # and of each camera beside it
 _SCENARIO = "scenario.toml"
 _LABELS = ("class_id", "model_id", "present", "position_m", "quaternion_xyzw")
 _LEAST_SEED = 2**56  # a smaller one is found by trial, and with it every label of the test; assumed
@@ -45,7 +47,8 @@ def write_contest(data: Dataset, path: Path, attribution: Attribution, *, overwr
     """Write a dataset whose test labels stay apart into a new folder, and its key beside the labels.
 
     Training and validation shards are copied. Frames of the test are numbered and ordered by the key, and hold the reading,
-    the number of the sensor and the lens only. The same dataset and key give the same folder.
+    the number of the sensor and the lens only, and of each camera beside the lidar the image, its exposure and the lens. The
+    same dataset and key give the same folder.
 
     Returns
     -------
@@ -108,6 +111,11 @@ def _check_secrecy(data: Dataset) -> None:
         )
 
 
+def _list_readings(data: Dataset) -> tuple[str, ...]:
+    """List the arrays of the test that a contest publishes."""
+    return (*READINGS, *(name_camera_array(camera, field) for camera in data.cameras for field in _CAMERA_READINGS))
+
+
 def _write_spec(data: Dataset, place: Path) -> None:
     """Write the specification without its seed."""
     import tomli_w
@@ -136,7 +144,7 @@ def _write_test(data: Dataset, key: ContestKey, folder: Path) -> int:
                 "sample": number[rows],
                 "step": columns["step"][rows],
                 "draw": np.zeros(len(rows), int),
-                **split.read(rows, READINGS),
+                **split.read(rows, _list_readings(data)),
             }
             write_arrays(
                 folder / path, {name: list(values) for name, values in arrays.items()}, dataset=data.constants.sha256
@@ -156,7 +164,9 @@ def _write_test(data: Dataset, key: ContestKey, folder: Path) -> int:
 
 def _list_labels(data: Dataset, split: Split, rows: np.ndarray) -> Iterator[str]:
     """Yield the labels of frames as JSON, with the SHA-256 of images of labels."""
-    images = [name for name in ("part_class_id", "true_range_m", "oversampled_range_m") if name in split.names]
+    wanted = ["part_class_id", "true_range_m", "oversampled_range_m"]
+    wanted += [name_camera_array(camera, field) for camera in data.cameras for field in ("part_class_id", "range_m")]
+    images = [name for name in wanted if name in split.names]
     arrays = split.read(rows, (*_LABELS, *images))
     for k in range(len(rows)):
         class_id, model_id = int(arrays["class_id"][k]), int(arrays["model_id"][k])
@@ -178,8 +188,8 @@ def _write_card(data: Dataset, attribution: Attribution, count: int) -> str:
     head += [f"license: {(attribution.licence or 'unknown').lower()}", "configs:"]
     for name in data.splits:  # splits differ in their arrays, which needs a configuration for each
         head += [f"- config_name: {name}", "  data_files:", f"  - split: {name}", f"    path: {name}/*.h5"]
-    readings = ", ".join(f"`{name}`" for name in READINGS)
-    limits = "\n".join(f"- {limit}" for limit in LIMITS)
+    readings = ", ".join(f"`{name}`" for name in _list_readings(data))
+    limits = "\n".join(f"- {limit}" for limit in list_limits(data))
     return "\n".join([*head, "---"]) + (
         f"\n\n# {data.spec.name}: a contest\n\n"
         f"Simulated frames of a flash lidar: {frames} with labels, and {count:,} of {CONTEST_SPLIT} without. Classes: "

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rso_lidar.dataset.publication.attribution import CROISSANT, SPDX, Attribution
-from rso_lidar.dataset.publication.card_text import LIMITS, cite, describe_dataset
+from rso_lidar.dataset.publication.card_text import cite, describe_dataset, list_limits
 from rso_lidar.dataset.publication.frame_index import INDEX, NAMES, list_index_columns
 from rso_lidar.dataset.shards.manifest import MANIFEST
 from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE
@@ -33,7 +33,7 @@ FILES = {  # of every dataset: what each holds, and its media type
         "path, frames, bytes, SHA-256 and versions of each shard, one JSON object per line",
         "application/jsonl",
     ),
-    SENSOR_FILE: ("names of classes, models, sensors and parts, lines of sight and symmetries", HDF5),
+    SENSOR_FILE: ("names of classes, models, sensors, cameras and parts, lines of sight and symmetries", HDF5),
     INDEX: ("one row per frame: all of its numbers, its split, and its place in the shards", PARQUET),
 }
 _KINDS = {"i": "cr:Int64", "u": "cr:Int64", "f": "cr:Float64"}
@@ -64,7 +64,7 @@ def describe_in_croissant(data: Dataset, attribution: Attribution) -> dict[str, 
         "version": f"1.0.0+{data.constants.sha256[:12]}",
         "datePublished": published,
         "inLanguage": "en",
-        "keywords": ["flash lidar", "range image", "spacecraft", "pose estimation", "simulation"],
+        "keywords": ["flash lidar", "range image", "spacecraft", "pose estimation", "simulation", *_name_images(data)],
         "citeAs": cite(data, attribution),
         "rai:dataCollection": "Computed by the simulator rso_lidar from dataset.toml; no measurement of a real sensor.",
         "rai:dataCollectionType": ["Software Collection"],
@@ -72,7 +72,7 @@ def describe_in_croissant(data: Dataset, attribution: Attribution) -> dict[str, 
             "All labels are computed with the frame from the simulated geometry and light; no person annotates."
         ],
         "rai:machineAnnotationTools": ["rso_lidar, in the versions that manifest.jsonl states"],
-        "rai:dataLimitations": list(LIMITS),
+        "rai:dataLimitations": list(list_limits(data)),
         "rai:dataUseCases": [
             "Training and regression tests of classification, detection, segmentation and pose estimation of spacecraft."
         ],
@@ -87,6 +87,11 @@ def describe_in_croissant(data: Dataset, attribution: Attribution) -> dict[str, 
     if attribution.url is not None:
         description["url"] = attribution.url
     return description
+
+
+def _name_images(data: Dataset) -> list[str]:
+    """Return the keyword of images of cameras, if there are any."""
+    return ["camera image"] if data.cameras else []
 
 
 def _list_files(data: Dataset) -> Iterable[dict[str, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from rso_lidar.dataset.publication.card_tables import (
     list_models,
     list_sensors,
 )
-from rso_lidar.dataset.publication.card_text import CARD, LIMITS, PAPER, cite, describe_dataset
+from rso_lidar.dataset.publication.card_text import CARD, PAPER, cite, describe_dataset, list_limits
 from rso_lidar.dataset.specification.tables import ModelSplit, RandomSplit
 from rso_lidar.files import write_text
 
@@ -116,6 +117,17 @@ def _explain_content(data: Dataset, counts: FrameCounts) -> str:
         f"Classes, by `class_id`: {_number(data.classes)}. Models, by `model_id`: {_number(data.models)}. Part classes, "
         f"by `part_class_id`: {_number(data.part_classes)}. Lidar axes: +z is the boresight, +x right (columns grow with "
         "it), +y down (rows grow with it). Poses are lidar_from_target; quaternions are x, y, z, w."
+        f"{_explain_cameras(data)}"
+    )
+
+
+def _explain_cameras(data: Dataset) -> str:
+    """Return how the arrays of the cameras beside the lidar are named, or an empty text without cameras."""
+    if not data.cameras:
+        return ""
+    return (
+        f" Arrays `camera.<name>.…` are of the cameras {', '.join(data.cameras)}; their axes are named like those of the "
+        "lidar, and `sensor.h5` has their lines of sight, bands and numbers."
     )
 
 
@@ -150,7 +162,7 @@ def _explain_splits(data: Dataset) -> str:
 def _explain_sensors(data: Dataset) -> str:
     """Return the section on the instruments."""
     parts = ["## Sensor"]
-    drawn = {variable.field for variable in data.spec.variable}
+    drawn = {_name_camera(data, variable.field) for variable in data.spec.variable}
     for name, parameters in list_sensors(data):
         rows = [
             [
@@ -165,12 +177,20 @@ def _explain_sensors(data: Dataset) -> str:
     return "\n\n".join(parts)
 
 
+def _name_camera(data: Dataset, field: str) -> str:
+    """Return a field of a scenario with the name of its camera in place of the camera's number."""
+    numbered = re.match(r"camera(?:\[(\d+)\]|\.(\d+))(?=\.)", field)
+    if numbered is None or (number := int(numbered[1] or numbered[2])) >= len(data.cameras):
+        return field
+    return f"camera.{data.cameras[number]}{field[numbered.end() :]}"
+
+
 def _explain_limits(data: Dataset) -> str:
     """Return the section on known limits."""
     assumed = {
         parameter.place for _, parameters in list_sensors(data) for parameter in parameters if parameter.is_assumed
     }
-    lines = [f"- {limit}" for limit in LIMITS]
+    lines = [f"- {limit}" for limit in list_limits(data)]
     if assumed:
         lines.append(f"- Assumed numbers of the instrument: {', '.join(f'`{place}`' for place in sorted(assumed))}.")
     return "## Known limits\n\n" + "\n".join(lines)

@@ -19,7 +19,14 @@ _TITLES = {
     "part_class_id": "part class (label)",
     "detection_probability": "detection probability (label)",
     "photons": "expected photons (label)",
+    "image": "measured image",
+    "true_range_m": "true range [m] (label)",
+    "filled_fraction": "filled share (label)",
 }
+_RANGES = ("range_m", "true_range_m")  # NaN where there is none
+_SHARES = ("detection_probability", "filled_fraction")  # from 0 to 1
+_COLOURS = 3  # bands of an image that is drawn in colour
+_GAMMA = 2.2  # of a screen: grey levels are shown with their own brightness
 _RAMPS = {"range_m": colour_maps.RANGE_RAMP, "intensity_counts": colour_maps.INTENSITY_RAMP}
 _PANELS = 4
 
@@ -29,7 +36,8 @@ def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], 
 
     Parameters
     ----------
-    images : arrays (row, col) of the reading and labels by name, with ``part_class_id``, -1 for sky
+    images : arrays (row, col) of the reading and labels by name, with ``part_class_id``, -1 for sky. ``image`` is that of a
+        camera (row, col, band)
     """
     on_target = images["part_class_id"] >= 0
     window = Window.about(on_target)
@@ -37,6 +45,8 @@ def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], 
     for axes, name in zip(figure.subplots(1, _PANELS).flat, images, strict=False):
         if name == "part_class_id":
             _draw_classes(axes, images[name], part_classes, window)
+        elif name == "image":
+            _draw_image(axes, images[name].astype(float), window)
         else:
             _draw_values(axes, name, images[name].astype(float), on_target, window)
         axes.set_title(_TITLES[name], loc="left", fontsize=figures.TEXT_PT, color=palette.INK)
@@ -65,10 +75,9 @@ def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarra
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 
     shown = window.cut(values)
-    absent = ~np.isfinite(shown) if name == "range_m" else shown <= 0.0
+    absent = ~np.isfinite(shown) if name in _RANGES else shown <= 0.0
     seen = shown[~absent & window.cut(on_target)]
-    is_probability = name == "detection_probability"
-    low, high = np.percentile(seen, [2, 98]) if seen.size and not is_probability else (0.0, 1.0)
+    low, high = np.percentile(seen, [2, 98]) if seen.size and name not in _SHARES else (0.0, 1.0)
     colours = colormaps[_RAMPS.get(name, colour_maps.RANGE_RAMP)].with_extremes(bad=palette.NO_RETURN)
     pad = 0.05 if high - low < 0.1 else 0.0  # a flat target: its noise does not fill the ramp
     is_light = name in ("intensity_counts", "photons")  # a few glints outshine the rest
@@ -82,6 +91,20 @@ def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarra
         bar.minorticks_off()
     else:
         bar.ax.ticklabel_format(useOffset=False, style="plain")
+
+
+def _draw_image(axes: Axes, counts: np.ndarray, window: Window) -> None:
+    """Draw the image of a camera: three bands as colours, of other numbers the first as grey.
+
+    Parameters
+    ----------
+    counts : (row, col, band)
+    """
+    shown = np.stack([window.cut(counts[..., band]) for band in range(counts.shape[2])], axis=-1)
+    low, high = np.percentile(counts, 2), np.percentile(shown, 99.5)  # the dark sky, and all but a few glints
+    bright = np.clip((shown - low) / max(high - low, 1.0), 0.0, 1.0) ** (1.0 / _GAMMA)
+    image = bright if bright.shape[2] == _COLOURS else bright[..., 0]
+    axes.imshow(image, cmap="gray", vmin=0.0, vmax=1.0, extent=_extent(window), interpolation="nearest")
 
 
 def _draw_classes(axes: Axes, classes: np.ndarray, names: Sequence[str], window: Window) -> None:

@@ -15,11 +15,13 @@ from rso_lidar.dataset.publication.dataset_card import write_card
 from rso_lidar.dataset.publication.frame_index import INDEX, has_parquet, write_frame_index
 from rso_lidar.dataset.publication.label_images import label_figure
 from rso_lidar.dataset.reading.random_access import Dataset
+from rso_lidar.dataset.shards.layout import name_camera_array
 from rso_lidar.errors import DatasetError
 from rso_lidar.picture import save_figure
 
 PICTURES = ("sample_frame_1.png", "sample_frame_2.png")
 _MOST_FRAMES = 256  # frames of the first split among which those of the pictures are chosen: one shard by default
+_DRAWN_OF_CAMERA = ("intensity_counts", "part_class_id", "range_m", "filled_fraction")
 _DRAWN = ("range_m", "intensity_counts", "part_class_id", "detection_probability", "photons")
 
 
@@ -32,7 +34,7 @@ def publish(
     hidden_labels: Path | None = None,
     overwrite: bool = False,
 ) -> list[str]:
-    """Write the card, the Croissant description, the table of frames and two pictures into the folder of a dataset.
+    """Write the card, the Croissant description, the table of frames and some pictures into the folder of a dataset.
 
     A licence, creators or address that are not given stay as an earlier publication stated them. With `hidden_labels`, write
     the folder of a contest instead: the dataset with a test split that has no labels.
@@ -86,7 +88,10 @@ def publish(
 
 
 def _draw_pictures(data: Dataset) -> list[str]:
-    """Draw the frames of the first shard with the median and with most reporting pixels; return names of the pictures."""
+    """Draw the frames of the first shard with most and with the median of reporting pixels; return names of the pictures.
+
+    Of each camera beside the lidar, its image of the last of these frames is drawn.
+    """
     split = data.split(data.splits[0])
     rows = range(min(_MOST_FRAMES, len(split)))
     reporting = split.read(rows, ["reporting_pixels"])["reporting_pixels"]
@@ -102,4 +107,11 @@ def _draw_pictures(data: Dataset) -> list[str]:
         images = {image: frame[image] for image in _DRAWN if image in frame}
         save_figure(label_figure(images, data.part_classes, data.spec.name, note), data.folder / name)
         names.append(name)
+    for camera in data.cameras:
+        arrays = {field: frame[name_camera_array(camera, field)] for field in _DRAWN_OF_CAMERA}
+        images = {"image": arrays["intensity_counts"], "part_class_id": arrays["part_class_id"]}
+        images |= {"true_range_m": arrays["range_m"], "filled_fraction": arrays["filled_fraction"]}
+        names.append(f"sample_camera_{camera}.png")
+        figure = label_figure(images, data.part_classes, data.spec.name, f"camera {camera}, {note}")
+        save_figure(figure, data.folder / names[-1])
     return names

@@ -169,8 +169,8 @@ def describe_array(name: str) -> ArraySpec:
         if vector in _COMPONENTS:
             place = f"{vector}, component {_COMPONENTS[vector][int(number)]}"
         return ArraySpec((), np.dtype("f8"), "1", f"drawn value of {place}, in its unit; NaN where it is not drawn")
-    if (place := find_camera(name)) is not None:
-        return specs(LabelledImage)[place[1]]
+    if (of_camera := find_camera(name)) is not None:
+        return specs(LabelledImage)[of_camera[1]]
     return specs(LabelledFrame)[name]
 
 

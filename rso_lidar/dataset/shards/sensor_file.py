@@ -70,11 +70,17 @@ def write_constants(folder: Path, constants: Constants) -> None:
                 group = file.create_group(f"sensors/{name}")
                 group.attrs["lidar"] = constants.lidars[name]
                 _write_sight(group, constants.line_of_sight[name], "lidar")
-                for camera, entry in constants.cameras.get(name, {}).items():
-                    beside = group.create_group(f"{_CAMERAS}/{camera}", track_order=True)
-                    beside.attrs["camera"] = entry.table
-                    _write_sight(beside, entry.line_of_sight, "camera", compression="gzip", shuffle=True)
+                if cameras := constants.cameras.get(name):
+                    _write_cameras(group.create_group(_CAMERAS, track_order=True), cameras)
         write_text(folder / SENSOR_HASH, f"{hash_file(draft)}  {SENSOR_FILE}\n", overwrite=True)
+
+
+def _write_cameras(group: Any, cameras: Mapping[str, CameraConstants]) -> None:
+    """Write the cameras beside a sensor, by name, in the order of the scenario."""
+    for name, entry in cameras.items():
+        beside = group.create_group(name)
+        beside.attrs["camera"] = entry.table
+        _write_sight(beside, entry.line_of_sight, "camera", compression="gzip", shuffle=True)
 
 
 def _write_sight(group: Any, line_of_sight: np.ndarray, axes: str, **options: Any) -> None:

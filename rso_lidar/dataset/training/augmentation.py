@@ -7,11 +7,13 @@ between flashes of the sensor. Each takes a frame (a dict of arrays) and a rando
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from rso_lidar.dataset.reading.random_access import Split
+from rso_lidar.dataset.shards.layout import find_camera
 from rso_lidar.errors import DatasetError
 
 _NOISY = (
@@ -220,10 +222,25 @@ class QuarterTurns:
     """Turn the frame about the boresight by a random number of quarter turns, with pose, box and direction of the Sun.
 
     The lidar then has another roll angle. This is exact for a square array whose boresight passes through its middle; other
-    arrays are refused. The camera's fixed pattern turns with the image, which a real roll would not do.
+    arrays are refused. The camera's fixed pattern turns with the image, which a real roll would not do. A camera beside the
+    lidar does not turn about its own boresight then, so its arrays among the fields are refused.
     """
 
     needs: tuple[str, ...] = ("intrinsics_px",)
+
+    def check_fields(self, fields: tuple[str, ...]) -> None:
+        """Refuse arrays of cameras among the fields.
+
+        Parameters
+        ----------
+        fields : names of the arrays
+
+        Raises
+        ------
+        DatasetError
+            If the fields contain one.
+        """
+        _refuse_cameras("QuarterTurns", fields)
 
     def __call__(self, frame: dict[str, np.ndarray], rng: np.random.Generator) -> dict[str, np.ndarray]:
         """Return the turned frame."""
@@ -236,13 +253,13 @@ class MirrorImages:
     """Mirror half of the frames from left to right, with position, box and direction of the Sun.
 
     A mirrored craft is another craft, unless it has a plane of symmetry, and its attitude is no rotation. So
-    `quaternion_xyzw` among the fields is refused.
+    `quaternion_xyzw` among the fields is refused. So are arrays of cameras, whose mounts would be mirrored, too.
     """
 
     needs: tuple[str, ...] = ("intrinsics_px",)
 
     def check_fields(self, fields: tuple[str, ...]) -> None:
-        """Refuse an attitude among the fields.
+        """Refuse an attitude and arrays of cameras among the fields.
 
         Parameters
         ----------
@@ -253,6 +270,7 @@ class MirrorImages:
         DatasetError
             If the fields contain one.
         """
+        _refuse_cameras("MirrorImages", fields)
         if "quaternion_xyzw" in fields:
             raise DatasetError(
                 "MirrorImages: the attitude of a mirrored craft is no rotation; leave out quaternion_xyzw, or MirrorImages"
@@ -263,6 +281,16 @@ class MirrorImages:
         self.check_fields(tuple(frame))
         _check_centred(frame)
         return mirror_frame(frame) if rng.random() < 0.5 else frame
+
+
+def _refuse_cameras(name: str, fields: Iterable[str]) -> None:
+    """Raise `DatasetError` if fields of an augmentation of some name have arrays of a camera beside the lidar."""
+    of_cameras = [field for field in fields if find_camera(field) is not None]
+    if of_cameras:
+        raise DatasetError(
+            f"{name}: changes the lidar's images alone, and {of_cameras[0]} would not fit them; leave out {name}, or the "
+            "arrays of cameras"
+        )
 
 
 def turn_frame(frame: dict[str, np.ndarray], turns: int) -> dict[str, np.ndarray]:

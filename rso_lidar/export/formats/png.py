@@ -11,7 +11,7 @@ import json
 import os
 import struct
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.formats.companion_camera import CompanionCamera, check_images, compute_camera_poses, read_cameras
+from rso_lidar.export.formats.companion_camera import check_images, compute_camera_poses, read_cameras
 from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_files import get_file_stem, write_new_file, write_source
 from rso_lidar.export.writer.frame_stream import take_first
@@ -53,7 +53,8 @@ def write_png(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
             check_images(place, frame, cameras)
             for name, camera in cameras.items():
                 files = []
-                for suffix, image in _split_bands(camera, frame.camera[name].intensity_counts):
+                bands = [band["name"] for band in camera.bands]
+                for suffix, image in split_bands(bands, frame.camera[name].intensity_counts):
                     files.append(f"{get_file_stem(place, frame)}{suffix}.png")
                     write_new_file(place, draft / name / files[-1], encode_png(image))
                 lines[name].write(json.dumps({"files": files, **_describe_image(frame, name)}) + "\n")
@@ -93,21 +94,28 @@ def _encode_rgb(image: np.ndarray) -> bytes:
     )
 
 
-def _split_bands(camera: CompanionCamera, counts: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield what follows the number in the name of each file, and its image.
+def split_bands(bands: Sequence[str], counts: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Split an image of a camera into those of PNG files: grey for one band, RGB for three, else grey for each band.
 
     Parameters
     ----------
+    bands : names of the bands
     counts : (row, col, band)
+
+    Yields
+    ------
+    tuple
+        What follows the number of the frame in the name of a file, such as ``_nir``, and its image (row, col) or
+        (row, col, 3).
     """
-    match len(camera.bands):
+    match len(bands):
         case 1:
             yield "", counts[..., 0]
         case 3:
             yield "", counts
         case _:
-            for k, band in enumerate(camera.bands):
-                yield f"_{band['name']}", counts[..., k]
+            for k, band in enumerate(bands):
+                yield f"_{band}", counts[..., k]
 
 
 def _describe_image(frame: Frame, camera: str) -> dict[str, Any]:

@@ -354,8 +354,9 @@ def read_files(laser: Laser, receiver: Receiver) -> None:
     receiver : with its distortion and point spread function
     """
     laser.density(np.zeros(1), np.zeros(1))
-    _ = laser.pulse, receiver.line_of_sight
+    _ = laser.pulse
     if receiver.distortion is not None:
+        _ = receiver.line_of_sight
         half = 0.5 * receiver.pixel_tangent
         receiver.distortion.check(half * receiver.n_cols, half * receiver.n_rows)
     if receiver.psf is not None:

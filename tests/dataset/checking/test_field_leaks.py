@@ -57,3 +57,11 @@ def test_a_folder_whose_times_tell_the_range_is_warned_of(tmp_path, monkeypatch)
     folder = make_dataset(tmp_path / "foreign", {"train": (240,)}, make_frame)  # each frame later and farther
     lines = field_leaks.search_fields(open_dataset(folder))
     assert any(line.startswith("time_s tells the range") for line in lines)
+
+
+def test_exposures_are_fields_unless_the_camera_chooses_them(paired):
+    named = field_leaks._list_image_fields(paired[0])
+    assert named == [
+        *(f"camera.nav.{field}" for field in ("start_s", "intrinsics_px")),
+        *(f"camera.eye.{field}" for field in ("start_s", "intrinsics_px", "exposure_s")),
+    ]

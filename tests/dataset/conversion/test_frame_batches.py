@@ -65,3 +65,10 @@ def test_images_are_chosen_by_name(data):
         choose_images(split, ["photon"])
     with pytest.raises(DatasetError, match="class_id: no such images"):
         choose_images(split, ["class_id"])
+
+
+def test_usual_images_include_those_of_cameras(paired):
+    chosen = choose_images(paired[0].split("train"), [])
+    fields = ("intensity_counts", "part_class_id", "target")
+    of_cameras = [f"camera.{camera}.{field}" for camera in ("eye", "nav") for field in fields]
+    assert [name for name in chosen if name.startswith("camera.")] == of_cameras and "range_m" in chosen

@@ -56,3 +56,27 @@ def test_annotations_fit_the_labels(data, tmp_path):
         assert one["area"] == one["lit_pixels"] == int(frame["lit_pixels"])
         assert one["category_id"] == int(frame["class_id"]) + 1
         assert one["position_m"] == frame["position_m"].tolist()
+
+
+def test_images_of_cameras_are_counts_in_16_bits(paired, tmp_path):
+    data, _ = paired
+    write_image_folders(tmp_path, data, ["train"], INFO)
+    split = data.split("train")
+    coco = json.loads((tmp_path / "annotations" / "train.camera.nav.json").read_text(encoding="utf-8"))
+    boxes = {entry["image_id"]: entry for entry in coco["annotations"]}
+    assert coco["info"]["cameras"]["sensor"]["name"] == "nav" and 0 < len(boxes) < len(coco["images"]) == len(split)
+    for k, entry in enumerate(coco["images"]):
+        frame = split[k]
+        image = np.asarray(Image.open(tmp_path / "images" / entry["file_name"]))
+        assert image.dtype == np.uint16 and np.array_equal(image, frame["camera.nav.intensity_counts"][..., 0])
+        name = entry["file_name"].rpartition("/")[2].removesuffix(".png")
+        assert np.array_equal(load(tmp_path, "camera.nav/target", name).astype(int) - 1, frame["camera.nav.target"])
+        assert (entry["id"] in boxes) == bool(frame["camera.nav.target_pixels"])
+        if entry["id"] in boxes:
+            top, left, bottom, right = frame["camera.nav.box_px"].tolist()
+            assert boxes[entry["id"]]["bbox"] == [left, top, right - left + 1, bottom - top + 1]
+            assert boxes[entry["id"]]["area"] == frame["camera.nav.target_pixels"]
+            assert boxes[entry["id"]]["position_m"] == frame["camera.nav.position_m"].tolist()
+    eye = json.loads((tmp_path / "annotations" / "train.camera.eye.json").read_text(encoding="utf-8"))
+    png = (tmp_path / "images" / eye["images"][0]["file_name"]).read_bytes()
+    assert png[24:26] == bytes([16, 2])  # 16 bits, truecolour (ISO/IEC 15948, sec. 11.2.2)

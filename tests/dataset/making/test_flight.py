@@ -13,11 +13,10 @@ from rso_lidar.dataset.making.flight import fly_sample, label, list_kept
 from rso_lidar.dataset.shards.layout import list_entries
 from rso_lidar.detector.bench import scatter_table
 from rso_lidar.simulation import simulate
-from tests.dataset.bench_for_tests import CAMERA, find_sample, make_spec
+from tests.dataset.bench_for_tests import CAMERA, SUN, find_sample, make_spec
 
 GSFL = 'lidar.detector={type="gsfl"}'
-SUNLIT = (GSFL, "world.sun_direction=[-1, 0.2, 0.1]", "lidar.receiver.filter_width_nm=10.0")
-SUN = "world.sun_direction=[-1, 0.2, 0.1]"
+SUNLIT = (GSFL, SUN, "lidar.receiver.filter_width_nm=10.0")
 ALL_LABELS = {"part_visibility": True, "oversampled": True, "camera_electrons": True}
 
 

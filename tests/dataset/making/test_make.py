@@ -34,15 +34,17 @@ def test_bytes_do_not_depend_on_workers(made, tmp_path):
     assert {one.sha256 for one in other.records} == set(hashes(dataset.folder).values())
 
 
-def test_parts_make_the_whole(made, tmp_path):
-    dataset, spec = made
+@pytest.mark.parametrize("kind", ["made", "paired"])
+def test_parts_make_the_whole(kind, request, tmp_path):
+    dataset, spec = request.getfixturevalue(kind)
     for part in ("1/2", "0/2"):
         rl.dataset.make(spec, tmp_path / "parts", workers=1, shards=part)
     assert hashes(tmp_path / "parts") == hashes(dataset.folder)
 
 
-def test_an_interrupted_set_continues(made, tmp_path):
-    dataset, spec = made
+@pytest.mark.parametrize("kind", ["made", "paired"])
+def test_an_interrupted_set_continues(kind, request, tmp_path):
+    dataset, spec = request.getfixturevalue(kind)
     folder = tmp_path / "resumed"
     shutil.copytree(dataset.folder, folder)
     lines = (folder / MANIFEST).read_bytes().splitlines(keepends=True)

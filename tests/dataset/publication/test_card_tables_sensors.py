@@ -4,13 +4,18 @@ import json
 
 import rso_lidar as rl
 from rso_lidar.dataset.publication.card_tables import list_parameters
+from rso_lidar.imaging import Camera
 from rso_lidar.scenario import Lidar
+
+
+def dump(part):
+    return json.dumps(part.model_dump(mode="json", exclude_none=True))
 
 
 def find_parameters(**parts):
     """Return the parameters of a lidar by place."""
     lidar = Lidar(**{"laser": rl.Laser(divergence_deg=2.5), "receiver": rl.Receiver(fov_deg=2.5, f_number=2.8)} | parts)
-    return {one.place: one for one in list_parameters(json.dumps(lidar.model_dump(mode="json", exclude_none=True)))}
+    return {one.place: one for one in list_parameters(dump(lidar), "lidar", Lidar)}
 
 
 def test_parameters_have_places_values_and_meanings():
@@ -28,8 +33,16 @@ def test_a_default_that_has_no_source_is_assumed_until_it_is_set():
 
 
 def test_an_unknown_instrument_is_listed_without_meanings():
-    found = list_parameters(json.dumps({"detector": {"type": "mine", "gain": [1, 2.5]}}))
+    found = list_parameters(json.dumps({"detector": {"type": "mine", "gain": [1, 2.5]}}), "lidar", Lidar)
     assert [(one.place, one.value, one.meaning) for one in found] == [
         ("lidar.detector.type", '"mine"', ""),
         ("lidar.detector.gain", "[1, 2.5]", ""),
     ]
+
+
+def test_a_camera_is_listed_with_what_is_assumed():
+    camera = Camera(name="nav", lens={"fov_deg": 10, "f_number": 4}, sensor={"bits": 10})
+    found = {one.place: one for one in list_parameters(dump(camera), "camera.nav", Camera)}
+    assert found["camera.nav.sensor.bits"].value == "10" and not found["camera.nav.sensor.bits"].is_assumed
+    assert found["camera.nav.sensor.read_noise_electrons"].is_assumed
+    assert found["camera.nav.lens.fov_deg"].value == "10.0"

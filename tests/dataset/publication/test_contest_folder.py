@@ -118,3 +118,27 @@ def test_a_damaged_key_is_one_line(tmp_path, text):
     with pytest.raises(rl.DatasetError, match="is damaged; restore it") as caught:
         read_key(tmp_path)
     assert "\n" not in str(caught.value)
+
+
+def test_images_of_cameras_are_published_and_their_labels_are_hidden(paired, tmp_path):
+    private = shutil.copytree(paired[0].folder, tmp_path / "private")
+    rl.dataset.publish(private, hidden_labels=tmp_path / "public")
+    dataset, public = rl.dataset.open(private), rl.dataset.open(tmp_path / "public")
+    shown = public.split("test")
+    of_cameras = {name for name in shown.names if name.startswith("camera.")}
+    fields = ("intensity_counts", "exposure_s", "start_s", "intrinsics_px")
+    assert of_cameras == {f"camera.{name}.{field}" for name in ("nav", "eye") for field in fields}
+    number, step, test = number_frames(dataset)
+    order = np.lexsort((step, number))
+    images = test.column("camera.nav.intensity_counts")
+    assert np.array_equal(shown.column("camera.nav.intensity_counts"), images[order])
+    with h5py.File(public.folder / shown.records[0].path) as file:
+        assert not any("target" in name or "part" in name for name in file)
+    before = (public.folder / "labels.sha256").read_text().splitlines()
+    rows = np.arange(len(test))
+    labels = list(contest_folder._list_labels(dataset, test, rows))
+    tables = [json.loads(text) for text in labels]
+    hashed = [hashlib.sha256(values.tobytes()).hexdigest() for values in test.column("camera.nav.range_m")]
+    assert [table["camera.nav.range_m"] for table in tables] == hashed and len(before) == len(test)
+    assert "`camera.nav.intensity_counts`" in (public.folder / "README.md").read_text(encoding="utf-8")
+    assert not rl.dataset.check_folder(public.folder).problems

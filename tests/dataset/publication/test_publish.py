@@ -2,11 +2,13 @@
 
 import io
 import json
+import shutil
 import sys
 
 import pytest
 from PIL import Image
 
+import rso_lidar as rl
 from rso_lidar.dataset import publish
 from rso_lidar.dataset.publication import publish as publish_module
 from rso_lidar.dataset.publication.frame_index import INDEX, has_parquet
@@ -78,3 +80,16 @@ def test_a_wrong_licence_changes_nothing(folder):
     with pytest.raises(DatasetError, match="is no SPDX identifier"):
         publish(folder, licence="do what you like")
     assert sorted(folder.iterdir()) == before
+
+
+def test_the_card_shows_and_lists_the_cameras(paired, tmp_path):
+    folder = shutil.copytree(paired[0].folder, tmp_path / "paired")
+    (written, *_) = rl.dataset.publish(folder, licence="MIT")
+    assert "sample_camera_nav.png, sample_camera_eye.png" in written and (folder / "sample_camera_eye.png").is_file()
+    card = (folder / "README.md").read_text(encoding="utf-8")
+    assert "the cameras nav (24 x 32 x 1) and eye (6 x 8 x 3)" in card and "### sensor, camera nav" in card
+    assert "| `camera.nav.intensity_counts` | frame × 24 × 32 × 1 | uint16 | count |" in card
+    assert (
+        "| `camera.nav.sensor.read_noise_electrons` | 8.0 | assumed |" in card and "mosaics of colour filters" in card
+    )
+    assert "camera image" in json.loads((folder / "croissant.json").read_text(encoding="utf-8"))["keywords"]

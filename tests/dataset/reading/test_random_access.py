@@ -152,3 +152,23 @@ def test_shards_of_another_dataset_are_refused(made, tmp_path):
     (folder / "manifest.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
     with pytest.raises(rl.DatasetError, match="another dataset"):
         rl.dataset.open(folder)
+
+
+def test_images_of_cameras_are_read_at_random(paired):
+    dataset, _ = paired
+    split = dataset.split("train")
+    assert dataset.cameras == ("nav", "eye")  # in the order of the scenario
+    arrays = split.read(
+        [5, 0, -1], ["camera.nav.intensity_counts", "camera.eye.intensity_counts", "camera.eye.start_s"]
+    )
+    assert [values.shape for values in arrays.values()] == [(3, 24, 32, 1), (3, 6, 8, 3), (3,)]
+    assert arrays["camera.nav.intensity_counts"].dtype == np.uint16 and (arrays["camera.eye.start_s"] == 0.5e-3).all()
+    for place, index in enumerate((5, 0, len(split) - 1)):
+        whole = split[index]["camera.nav.intensity_counts"]
+        assert np.array_equal(arrays["camera.nav.intensity_counts"][place], whole) and whole.std() > 0.0
+    entry = dataset.constants.cameras["sensor"]["nav"]
+    row, col = 3, 20
+    fx, fy, cx, cy = split[0]["camera.nav.intrinsics_px"]
+    ray = np.array([(col - cx) / fx, (row - cy) / fy, 1.0])
+    assert entry.line_of_sight[row, col] == pytest.approx(ray / np.linalg.norm(ray), abs=1e-12)
+    assert json.loads(entry.table)["bands"][0]["name"] == "grey"

@@ -10,7 +10,17 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.dataset.torch import CropReturns, FrameDataset, FrameSampler, PointCloud, Visit, stack_frames, to_tensors
+from rso_lidar.dataset.torch import (
+    CropReturns,
+    FrameDataset,
+    FrameSampler,
+    MirrorImages,
+    PointCloud,
+    QuarterTurns,
+    Visit,
+    stack_frames,
+    to_tensors,
+)
 
 FIELDS = ("range_m", "intensity_counts", "class_id")
 
@@ -192,3 +202,21 @@ def test_hugging_face_reads_shards_without_our_code(made, train, tmp_path):
         for name in ("range_m", "class_id", "quaternion_xyzw", "sample", "box_px"):
             found = np.stack([np.asarray(row[name]) for row in rows])
             np.testing.assert_allclose(found, train.column(name), rtol=1e-6, equal_nan=True)
+
+
+def test_a_plain_function_sees_images_of_cameras(paired):
+    split = paired[0].split("train")
+    frames = FrameDataset(
+        split,
+        ("range_m", "camera.nav.intensity_counts", "class_id"),
+        transforms=[lambda frame: frame | {"bright": frame["camera.nav.intensity_counts"].max()}],
+    )
+    batch = stack_frames([frames[k] for k in range(len(frames))])
+    assert np.array_equal(batch["bright"], split.column("camera.nav.intensity_counts").max(axis=(1, 2, 3)))
+
+
+@pytest.mark.parametrize("change", [QuarterTurns(), MirrorImages()])
+def test_turns_of_the_lidars_images_refuse_those_of_cameras(paired, change):
+    fields = ("range_m", "camera.nav.target_pixels")
+    with pytest.raises(rl.DatasetError, match=r"camera\.nav\.target_pixels would not fit"):
+        FrameDataset(paired[0].split("train"), fields, augmentations=[change])
