@@ -186,7 +186,7 @@ def test_the_benchmark_sees_with_both_sensors(learning, tmp_path, monkeypatch, c
         ("shape", "camera", []), ("shape", "both", []), ("benchmark", "both", ["--epochs", "1", "--size", "32"]),
     ):  # fmt: skip
         place = tmp_path / f"{name}_{sensor}.npz"
-        asked = [name, str(folder), "--sensor", sensor, "--also", str(folder), "-o", str(place), *options]
+        asked = [name, str(folder), "--sensor", sensor, "--also", f"{folder}/", "-o", str(place), *options]
         monkeypatch.setattr(sys, "argv", asked)
         learning[name].main()
         with np.load(place) as found, np.load(tmp_path / f"{name}_{sensor}_two_eyes.npz") as again:

@@ -57,6 +57,8 @@ def tabulate(answers: dict[str, np.ndarray], groups: dict[str, np.ndarray], titl
     """
     print(f"{title:28} frames " + "".join(f"{name:>17}" for name in answers))
     for name, some in groups.items():
+        if not some.any():
+            continue
         words = [f"{some.sum():7,} "]
         for right in answers.values():
             each = right[:, some].mean(axis=1)
