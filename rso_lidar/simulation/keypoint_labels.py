@@ -13,7 +13,7 @@ from rso_lidar.scenario import Scenario
 # Share of the radius of a target by which a surface may lie before a point that still counts as visible: a quarter of a
 # pixel of a craft that is 100 pixels across. A choice, with which the corners of most panels count from both sides.
 TOLERANCE = 5e-3
-OUTSIDE, HIDDEN, VISIBLE = 0, 1, 2  # as the flags of COCO
+HIDDEN, VISIBLE = 1, 2  # the flags of COCO, whose 0 is outside the field
 
 
 def label_keypoints(scenario: Scenario, truth: Truth, lens: Receiver) -> dict[str, np.ndarray]:

@@ -33,7 +33,7 @@ def find_normals(frame: Frame, scenario: Scenario, camera: str | None = None) ->
     truth, labels, sight = scenario.apply_light_time(frame.truth), frame.labels, frame.line_of_sight
     of_image: Labels | CameraLabels = labels
     if camera is not None:
-        described = {one.name: one for one in scenario.cameras}
+        described = {entry.name: entry for entry in scenario.cameras}
         if camera not in described or camera not in frame.camera_labels:
             guess = did_you_mean(camera, frame.camera_labels)
             raise RecordError(f"find_normals: no camera '{camera}' in the frame{guess}; give one of its cameras")

@@ -216,6 +216,11 @@ def find_part_classes(target: Target, mesh: Mesh) -> tuple[PartClass, ...]:
     """Return the common class of each part of a target's mesh: from the scenario, the catalogue or its name; else `other`.
 
     Names count for parts that the scenario itself makes of facets.
+
+    Parameters
+    ----------
+    target : of a scenario
+    mesh : of the target
     """
     known: Mapping[str, PartClass] = {} if target.is_path else model(target.shape).part_classes
     if target.fragment is not None:

@@ -305,6 +305,12 @@ def read_table(path: Path, cure: str = _INSTALL_AGAIN) -> dict[str, Any]:
 def guess_part_classes(parts: Iterable[str]) -> dict[str, PartClass]:
     """Return the common class of each part by its name, if a class or a part of a shipped model has it; else `other`.
 
+    Parameters
+    ----------
+    parts : names of parts
+
+    Examples
+    --------
     >>> guess_part_classes(["antenna", "solar_array_left", "Object.003"])
     {'antenna': 'antenna', 'solar_array_left': 'solar_array', 'Object.003': 'other'}
     """

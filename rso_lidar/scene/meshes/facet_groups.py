@@ -87,6 +87,16 @@ def format_facet_words(mesh: Mesh) -> str:
 def format_span(first: int, last: int) -> str:
     """Write a span of facets as tables have it.
 
+    Parameters
+    ----------
+    first, last : numbers of the first and the last facet
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
     >>> format_span(10, 19), format_span(3, 3)
     ('10-19', '3')
     """
