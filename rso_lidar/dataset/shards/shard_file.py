@@ -33,7 +33,7 @@ def write_shard(
     names : of all numbers that the dataset draws
     dataset : hash of the dataset that the shard belongs to
     """
-    columns = _Columns()
+    columns = _ShardArrays()
     count = 0
     for frame, drawn in frames:
         count += 1
@@ -52,14 +52,14 @@ def write_arrays(path: Path, arrays: Mapping[str, Sequence[np.ndarray]], *, data
     arrays : entries (frame) of arrays of `LabelledFrame`, of `LabelledImage` and of drawn numbers, by name
     dataset : hash of the dataset that the shard belongs to
     """
-    columns = _Columns()
+    columns = _ShardArrays()
     for name, entries in arrays.items():
         for entry in entries:
             columns.add({name: entry})
     columns.write(path, dataset)
 
 
-class _Columns:
+class _ShardArrays:
     """Arrays of a shard that grow by an entry for each frame. Images are kept as the file holds them, compressed."""
 
     def __init__(self) -> None:
