@@ -63,6 +63,7 @@ NO_SUFFIX = {  # name: why it needs none
     "ratio": "of two gains",
     "pattern": "a number that only names one of many alike",
     "camera_seed": "a number that only names a camera",
+    "pattern_seed": "a number that only names a camera",
     "chi2": "a sum of squared residuals",
     "coefficient": "a ratio",
     "corridor_axis": "a direction, of any length",
