@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture import Window, colour_maps, figures, palette
+from rso_lidar.picture import Stretch, Window, colour_maps, figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,8 +25,6 @@ _TITLES = {
 }
 _RANGES = ("range_m", "true_range_m")  # NaN where there is none
 _SHARES = ("detection_probability", "filled_fraction")  # from 0 to 1
-_COLOURS = 3  # bands of an image that is drawn in colour
-_GAMMA = 2.2  # of a screen: grey levels are shown with their own brightness
 _RAMPS = {"range_m": colour_maps.RANGE_RAMP, "intensity_counts": colour_maps.INTENSITY_RAMP}
 _PANELS = 4
 
@@ -100,11 +98,10 @@ def _draw_image(axes: Axes, counts: np.ndarray, window: Window) -> None:
     ----------
     counts : (row, col, band)
     """
-    shown = np.stack([window.cut(counts[..., band]) for band in range(counts.shape[2])], axis=-1)
-    low, high = np.percentile(counts, 2), np.percentile(shown, 99.5)  # the dark sky, and all but a few glints
-    bright = np.clip((shown - low) / max(high - low, 1.0), 0.0, 1.0) ** (1.0 / _GAMMA)
-    image = bright if bright.shape[2] == _COLOURS else bright[..., 0]
-    axes.imshow(image, cmap="gray", vmin=0.0, vmax=1.0, extent=_extent(window), interpolation="nearest")
+    shown = window.cut(counts)
+    low, high = float(np.percentile(counts, 2)), float(np.percentile(shown, 99.5))  # dark sky; all but a few glints
+    colours = Stretch(low, max(high, low + 1.0)).paint(shown)
+    axes.imshow(colours, extent=_extent(window), interpolation="nearest")
 
 
 def _draw_classes(axes: Axes, classes: np.ndarray, names: Sequence[str], window: Window) -> None:
