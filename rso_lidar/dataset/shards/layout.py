@@ -62,6 +62,24 @@ class LabelledImage(Record):
         "expected electrons in each pixel, before the full well and without noise",
         optional=True,
     )
+    keypoint_px: np.ndarray | None = array(
+        "keypoint row_col",
+        "f4",
+        "1",
+        "row and column of the keypoints of the target's model at the middle of the exposure, in the order of "
+        "`model_keypoints`, 0 at the centre of the first pixel; NaN outside the field and beyond the last",
+        optional=True,
+    )
+    keypoint_visibility: np.ndarray | None = array(
+        "keypoint", "u1", "1", "0 outside the field or beyond the last, 1 hidden by a body, 2 visible", optional=True
+    )
+    normal: np.ndarray | None = array(
+        "row col xyz",
+        "f4",
+        "1",
+        "unit normal of what is in the pixel, toward the camera, in camera axes; NaN for sky",
+        optional=True,
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

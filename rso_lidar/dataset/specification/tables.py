@@ -267,10 +267,12 @@ class OptionalLabels(Part):
         default=False, description="Expected electrons of each pixel of the cameras beside the lidar, without noise."
     )
     keypoints: Flag = Field(
-        default=False, description="Places of the target's keypoints in the image, and which of them are visible."
+        default=False,
+        description="Places of the target's keypoints in the images of lidar and cameras, and which of them are visible.",
     )
     normals: Flag = Field(
-        default=False, description="Normal of what is in each pixel, in lidar axes; three numbers a pixel."
+        default=False,
+        description="Normal of what is in each pixel, in the axes of lidar or camera; three numbers a pixel.",
     )
 
 
