@@ -103,6 +103,14 @@ def find_group(point_m: np.ndarray, intensity: np.ndarray) -> np.ndarray:
     return kept
 
 
+def choose_frames(part: Any, most: int | None, draws: int | None) -> np.ndarray:
+    """Choose frames of a split (frame), by number; ``most`` and ``draws`` are those of `load_returns`."""
+    taken = np.arange(len(part))
+    if draws is not None:
+        taken = taken[np.asarray(part.column("draw")) < draws]
+    return taken[:most]
+
+
 def load_returns(
     folder: str, split: str, labels: tuple[str, ...] = (), most: int | None = None, draws: int | None = None
 ) -> Returns:
@@ -117,10 +125,7 @@ def load_returns(
     draws : number of noise draws of each pose to take; all if omitted.
     """
     part = rl.dataset.open(folder).split(split)
-    taken = np.arange(len(part))
-    if draws is not None:
-        taken = taken[np.asarray(part.column("draw")) < draws]
-    taken = taken[:most]
+    taken = choose_frames(part, most, draws)
     pieces: list[dict[str, Any]] = []
     reports, counts = [], []
     sight: dict[bytes, np.ndarray] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from frames import CROP, FRAME_COLUMNS, SMALLEST_RADIUS, Returns, cells, directions
+from frames import CROP, FRAME_COLUMNS, SMALLEST_RADIUS, Returns, cells, choose_frames, directions
 from scipy import ndimage
 
 import rso_lidar as rl
@@ -85,7 +85,7 @@ def load_image_crops(folder: str, split: str, camera: str, most: int | None = No
     most : greatest number of frames; all if omitted.
     """
     part, name = open_images(folder, split, camera)
-    taken = np.arange(len(part))[:most]
+    taken = choose_frames(part, most, None)
     crops = [
         crop_image(image[..., 0].astype(np.float32))
         for rows in np.array_split(taken, 1 + len(taken) // 64)
@@ -95,7 +95,12 @@ def load_image_crops(folder: str, split: str, camera: str, most: int | None = No
 
 
 def load_bright_points(
-    folder: str, split: str, camera: str, range_m: np.ndarray | None = None, most: int | None = None
+    folder: str,
+    split: str,
+    camera: str,
+    range_m: np.ndarray | None = None,
+    most: int | None = None,
+    draws: int | None = None,
 ) -> Returns:
     """Load the bright group of each image as points at one range, in the form of the returns of a lidar.
 
@@ -105,19 +110,19 @@ def load_bright_points(
     split : its name.
     camera : its name. The first band is taken.
     range_m : (frame) of the points; 1 km if omitted, because a camera alone does not know it.
-    most : greatest number of frames; all if omitted.
+    most, draws : as for `load_returns`, whose frames these are.
     """
     part, name = open_images(folder, split, camera)
-    taken = np.arange(len(part))[:most]
+    taken = choose_frames(part, most, draws)
     columns = {column: np.asarray(part.column(column))[taken] for column in FRAME_COLUMNS}
     columns["intrinsics_px"] = np.asarray(part.column(f"camera.{camera}.intrinsics_px"))[taken]
     far = np.full(len(taken), 1000.0) if range_m is None else range_m
     points, pixels, lights = [], [], []
-    for rows in np.array_split(taken, 1 + len(taken) // 64):
-        for row, image in zip(rows.tolist(), part.read(rows.tolist(), (name,))[name], strict=True):
+    for places in np.array_split(np.arange(len(taken)), 1 + len(taken) // 64):
+        for k, image in zip(places.tolist(), part.read(taken[places].tolist(), (name,))[name], strict=True):
             light, bright = find_bright(image[..., 0].astype(np.float32))
-            sight = directions(bright.shape, columns["intrinsics_px"][row])
-            points.append((far[row] * sight[bright]).astype(np.float32))
+            sight = directions(bright.shape, columns["intrinsics_px"][k])
+            points.append((far[k] * sight[bright]).astype(np.float32))
             pixels.append(np.argwhere(bright).astype(np.int16))
             lights.append(np.maximum(light[bright], 0.01))
     count = np.array([len(some) for some in points])

@@ -118,7 +118,7 @@ def measure(folder: str, split: str, sensor: str, most: int | None, draws: int |
     if sensor == "lidar":
         return returns, measure_shape(returns)
     if sensor == "camera":
-        return returns, measure_shape(load_bright_points(folder, split, CAMERA, most=most))
+        return returns, measure_shape(load_bright_points(folder, split, CAMERA, most=most, draws=draws))
     lidar = measure_shape(returns)
     range_m = np.array(
         [
@@ -126,7 +126,7 @@ def measure(folder: str, split: str, sensor: str, most: int | None, draws: int |
             for k, n in enumerate(returns.count)
         ]
     )
-    camera = measure_shape(load_bright_points(folder, split, CAMERA, range_m, most))
+    camera = measure_shape(load_bright_points(folder, split, CAMERA, range_m, most, draws))
     return returns, np.concatenate([lidar, camera], axis=1)
 
 
@@ -136,8 +136,8 @@ def main() -> None:
     if options.floor:
         returns = load_returns(options.dataset, "train", most=most, draws=options.draws)
         features, made = measure_floor(returns), returns.has_craft
-        tests = {options.dataset: load_returns(options.dataset, "test", most=most)}
-        inputs = {options.dataset: measure_floor(tests[options.dataset])}
+        tests = {folder: load_returns(folder, "test", most=most) for folder in (options.dataset, *options.also)}
+        inputs = {folder: measure_floor(frames) for folder, frames in tests.items()}
     else:
         returns, features = measure(options.dataset, "train", options.sensor, most, options.draws)
         made = (features[:, ::40] > 0).any(axis=1) & (

@@ -23,7 +23,7 @@ from rso_lidar.records import CameraImage, CameraLabels, Hits, Truth
 from rso_lidar.scene import Surface
 
 _SMEAR_STEP = 0.25  # pixels that the scene moves from one instant to the next
-_MOST_INSTANTS = 32
+_MOST_INSTANTS = 31
 _SPARSE_SIDE = 3  # of the largest grid of rays that only pixels on edges get; who asks for more wants exact light
 _LEAST_RAYS = 1024.0  # over the bounds of a target, for the light of a body that no pixel resolves
 _MOST_RAYS = 2.0**18  # over the bounds of all targets, where there would be fewer without that
@@ -168,7 +168,10 @@ def _share_instants(camera: Camera, window_s: float, exposure_s: float, instants
 
 
 def _count_instants(camera: Camera, view: Truth, surfaces: Sequence[Surface], window_s: float) -> int:
-    """Return at how many instants of the exposure the scene is to be cast: at every quarter of a pixel that it moves."""
+    """Return at how many instants of the exposure the scene is to be cast: at every quarter of a pixel that it moves.
+
+    The number is odd, so that one instant is the middle, of which the labels are.
+    """
     rates = [float(length(view.poses.link(ROOT, "lidar").angular_velocity_rad_s))] if camera.sky else []
     for surface in surfaces:
         link = view.poses.link("lidar", surface.name)
@@ -177,7 +180,7 @@ def _count_instants(camera: Camera, view: Truth, surfaces: Sequence[Surface], wi
         turn = float(length(link.angular_velocity_rad_s)) * surface.radius_m
         rates.append((across + turn) / max(range_m - surface.radius_m, surface.radius_m))
     smear = max(rates, default=0.0) * window_s / camera.lens.pixel_tangent
-    return int(np.clip(math.ceil(smear / _SMEAR_STEP), 1, _MOST_INSTANTS))
+    return int(np.clip(math.ceil(smear / _SMEAR_STEP), 1, _MOST_INSTANTS)) | 1
 
 
 def _gather_light(

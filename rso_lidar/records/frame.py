@@ -51,6 +51,16 @@ class Source:
         """Names of target and keypoint, in the order of the labels of keypoints."""
         return tuple((target.name, point.name) for target in self.targets for point in target.keypoints)
 
+    def find_keypoints(self, target: int) -> slice:
+        """Return where the keypoints of a target are among those of all targets.
+
+        Parameters
+        ----------
+        target : its index
+        """
+        first = sum(len(entry.keypoints) for entry in self.targets[:target])
+        return slice(first, first + len(self.targets[target].keypoints))
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Observation(Record):

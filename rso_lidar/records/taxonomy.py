@@ -61,7 +61,7 @@ class Hinge(Part):
     """Hinge of a model: its `parts` turn about `axis` through `position_m` [m], in the axes of the mesh.
 
     The mesh stands at angle zero, and `travel_deg` holds the limits of the angle [deg]. `normal` is the direction that
-    the
+    the hinge turns toward the Sun or a boresight.
     """
 
     name: Name = Field(description="Name of the hinge.")
@@ -98,7 +98,9 @@ class Keypoint(Part):
     """
 
     name: Name = Field(description="Name of the point.")
-    position_m: Vector = Field(description="Position, with all hinges at zero, in body axes [m].")
+    position_m: Vector = Field(
+        description="Position, with all hinges at zero, in body axes [m]; in the index of models in mesh axes."
+    )
     part: Text | None = Field(
         default=None, description="Part that carries the point along when a hinge turns it. If omitted, the body."
     )

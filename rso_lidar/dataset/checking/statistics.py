@@ -62,6 +62,13 @@ class LabelStatistics:
     classes: Sequence[str]
 
     @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the cameras of whose images there are labels; a drawn field of a camera is none."""
+        return tuple(
+            name for name in list_cameras(self.columns) if name_camera_array(name, _IMAGE_COLUMNS[0]) in self.columns
+        )
+
+    @property
     def offset_px(self) -> np.ndarray:
         """Distance of the target's origin from the centre of the image (frame) [px], NaN without a target."""
         x, y, z = self.columns["position_m"].T
@@ -83,7 +90,7 @@ class LabelStatistics:
             lines.append(f"{name:20} {mine.sum():8,} {ranges:>29} {pixels:>22} {none:6.0%} {many:9.0%}")
         without = int((self.columns["present"] == 0).sum())
         lines += [f"{'no target':20} {without:8,}"] if without else []
-        for camera in list_cameras(self.columns):
+        for camera in self.cameras:
             lines += ["", *self._tabulate_images(camera)]
         return lines
 
@@ -113,7 +120,7 @@ class LabelStatistics:
         first = self.columns["draw"] == 0  # other noise draws share the pose, so they are not independent
         with_target = first & (self.columns["present"] == 1)
         independent = with_target & (self.columns["step"] == 0)  # later frames of an encounter resemble its first
-        known = list_columns(self.columns)
+        known = {*COLUMNS, *(name_camera_array(camera, field) for camera in self.cameras for field in _IMAGE_COLUMNS)}
         drawn = {name: values for name, values in self.columns.items() if name not in known}
         tested = {"range": self.columns["range_to_target_m"], "offset from the centre": self.offset_px} | drawn
         reporting = np.where(self.columns["present"] == 1, self.columns["reporting_pixels"], -1)
@@ -124,7 +131,7 @@ class LabelStatistics:
                 self.classes,
             ),
             *find_constants(self.offset_px[with_target], reporting[first]),
-            *(line for camera in list_cameras(self.columns) for line in self._warn_of_images(camera, with_target)),
+            *(line for camera in self.cameras for line in self._warn_of_images(camera, with_target)),
         ]
 
     def _warn_of_images(self, camera: str, chosen: np.ndarray) -> list[str]:

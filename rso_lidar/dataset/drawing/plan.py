@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import hashlib
 import json
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +28,7 @@ from rso_lidar.shipped import find
 from rso_lidar.user_settings import is_trusted
 
 _DRAWING = 2  # version of the rules by which a specification becomes samples; a part of the hash of a dataset
+_NUMBERING = re.compile(r"\s*target(?:\.\d+|\[\d+\])\.(keypoint_file|keypoint|facet_parts)\b")
 _CHUNK = 4096  # samples whose classes are computed at once in the search for the first one of a class
 
 
@@ -116,9 +118,11 @@ class DatasetPlan:
     def sha256(self) -> str:
         """Hash of all inputs of the samples: the specification, the base scenario, the meshes and all other files."""
         own = self.spec.model_dump(exclude_none=True, exclude={"scenario", "set"})  # both are in the tables
-        if not self.spec.labels.camera_electrons:  # a key that earlier versions do not know
-            del own["labels"]["camera_electrons"]
+        for key in ("camera_electrons", "keypoints", "normals"):  # which earlier versions do not know
+            if not own["labels"][key]:
+                del own["labels"][key]
         inputs = [_DRAWING, own, self.mesh_sha256, self.tables, *([self.file_sha256] if self.file_sha256 else [])]
+        inputs += [{"labels_of_models": labels}] if (labels := _list_own_labels(self.models)) else []
         rule = self.spec.split
         if isinstance(rule, RandomSplit) and (block := choose_block(rule.val, rule.test)) != BLOCK:
             inputs.append({"split_block": block})
@@ -274,6 +278,7 @@ def make_plan(
     with add_place(spec.where):
         base = plan.scenario()
         _find_target(spec, tables)
+        _check_class_settings(spec)
         named = tuple(list_models(spec, target_class, base) for target_class in spec.classes)
         check_model_split(spec, list(named))
         meshes = find_meshes(spec, named, base, folder)
@@ -283,6 +288,28 @@ def make_plan(
     plan = DatasetPlan(spec, tables, folder, path.name, named, hashes, parts, files_named, trust_code, trust_fmu)
     _check_split(plan)
     return plan
+
+
+def _list_own_labels(names: tuple[str, ...]) -> dict[str, list[Any]]:
+    """List what the user's own library says of labels, beside the mesh files: tables of parts, and keypoints."""
+    own = own_models()
+    labels = {
+        name: [own[name].facet_parts_sha256, [point.model_dump(mode="json") for point in own[name].keypoints]]
+        for name in names
+        if name in own
+    }
+    return {name: entry for name, entry in labels.items() if any(entry)}
+
+
+def _check_class_settings(spec: DatasetSpec) -> None:
+    """Refuse settings of a class that would number its parts or keypoints otherwise than the dataset's constants do."""
+    for target_class in spec.classes:
+        for setting in target_class.set:
+            if words := _NUMBERING.match(setting):
+                raise DatasetError(
+                    f"classes: {target_class.name}: set: {words[1]} cannot differ from class to class; give it in the "
+                    "scenario, or add the mesh to your library with `rso-lidar models add`"
+                )
 
 
 def find_shapes(scenario: Scenario) -> dict[str, tuple[int, ...]]:

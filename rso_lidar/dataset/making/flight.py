@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from rso_lidar.dataset.drawing.sample import Sample, draw_sample
 from rso_lidar.dataset.shards.layout import LabelledFrame, LabelledImage
 from rso_lidar.dataset.specification.tables import OptionalLabels
 from rso_lidar.pose import ROOT, rotate_vectors
-from rso_lidar.records import PART_CLASSES, CameraLabels, Command, Frame, Labels, Observation, TargetEntry, find_box
+from rso_lidar.records import PART_CLASSES, CameraLabels, Command, Frame, Labels, Observation, Source, find_box
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulation import DETECTION, find_normals, flash, read_images, simulate
 from rso_lidar.track import Pointing
@@ -136,7 +136,7 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
     if plan.spec.labels.normals:
         optional["normal"] = find_normals(frame, scenario)
     if plan.spec.labels.keypoints:
-        optional |= _pad_keypoints(frame.source.targets, labels, sample.target, plan.most_keypoints)
+        optional |= _pad_keypoints(frame.source, labels, sample.target, plan.most_keypoints)
     return LabelledFrame(
         range_m=frame.range_m,
         intensity_counts=frame.intensity_counts,
@@ -183,7 +183,8 @@ def _label_images(plan: DatasetPlan, sample: Sample, frame: Frame) -> dict[str, 
         bodies, classes = np.full(labels.target.shape, -1, np.int8), np.full(labels.target.shape, -1, np.int8)
         bodies[hit], classes[hit] = number_bodies(target, sample.target), class_of[target, part]
         on_target = (bodies == 0) & (sample.target is not None)
-        is_full = image.intensity_counts.max(axis=2) == camera.sensor.greatest_count
+        is_greatest = image.intensity_counts == camera.sensor.greatest_count
+        is_full = (is_greatest | (labels.electrons >= camera.sensor.full_well_electrons)).any(axis=2)
         focal_px = camera.lens.focal_length_m / camera.lens.pixel_pitch_m
         optional: dict[str, Any] = {}
         if plan.spec.labels.camera_electrons:
@@ -191,7 +192,7 @@ def _label_images(plan: DatasetPlan, sample: Sample, frame: Frame) -> dict[str, 
         if plan.spec.labels.normals:
             optional["normal"] = find_normals(frame, sample.scenario, camera.name)
         if plan.spec.labels.keypoints:
-            optional |= _pad_keypoints(frame.source.targets, labels, sample.target, plan.most_keypoints)
+            optional |= _pad_keypoints(frame.source, labels, sample.target, plan.most_keypoints)
         images[camera.name] = LabelledImage(
             intensity_counts=image.intensity_counts,
             target=bodies,
@@ -223,18 +224,15 @@ def _find_pose(sample: Sample, frame: Frame, axes: str) -> tuple[np.ndarray, np.
     return np.asarray(pose.translation), pose.rotation.as_quat(canonical=True)
 
 
-def _pad_keypoints(
-    targets: Sequence[TargetEntry], labels: Labels | CameraLabels, own: int | None, count: int
-) -> dict[str, np.ndarray]:
+def _pad_keypoints(source: Source, labels: Labels | CameraLabels, own: int | None, count: int) -> dict[str, np.ndarray]:
     """Return place and visibility of the keypoints of a sample's target, in arrays for as many points as any model has."""
     if not count:
         return {}
     place_px, visibility = np.full((count, 2), np.nan, np.float32), np.zeros(count, np.uint8)
     if own is not None and labels.keypoint_px is not None and labels.keypoint_visibility is not None:
-        first = sum(len(target.keypoints) for target in targets[:own])
-        points = slice(first, first + len(targets[own].keypoints))
-        mine = len(targets[own].keypoints)
-        place_px[:mine], visibility[:mine] = labels.keypoint_px[points], labels.keypoint_visibility[points]
+        mine = source.find_keypoints(own)
+        points = mine.stop - mine.start
+        place_px[:points], visibility[:points] = labels.keypoint_px[mine], labels.keypoint_visibility[mine]
     return {"keypoint_px": place_px, "keypoint_visibility": visibility}
 
 

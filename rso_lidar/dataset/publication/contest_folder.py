@@ -17,7 +17,7 @@ from rso_lidar.dataset.publication.attribution import Attribution
 from rso_lidar.dataset.publication.card_text import CARD, cite, list_limits
 from rso_lidar.dataset.reading.contest_key import CONTEST_SPLIT, HASHES, ContestKey, find_key
 from rso_lidar.dataset.reading.random_access import SPEC_FILE, Split
-from rso_lidar.dataset.shards.layout import name_camera_array
+from rso_lidar.dataset.shards.layout import is_image, name_camera_array
 from rso_lidar.dataset.shards.manifest import ShardRecord, append_record
 from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE, SENSOR_HASH
 from rso_lidar.dataset.shards.shard_file import hash_file, write_arrays
@@ -109,6 +109,23 @@ def _check_secrecy(data: Dataset) -> None:
             f"{data.folder}: points of a Halton sequence that are in the test follow from those in training; make the "
             'dataset with sampling = "random"'
         )
+
+    if spec.draws > 1 and (name := _find_link(data)) is not None:
+        raise DatasetError(
+            f"{data.folder}: {name} differs from sample to sample and is the same in all noise draws of one, and so tells "
+            "which frames share a pose; make the dataset with draws = 1, or with one exposure and lens for all samples"
+        )
+
+
+def _find_link(data: Dataset) -> str | None:
+    """Find a number that a contest publishes and that differs among samples of one sensor at one step; None without."""
+    split = data.split(CONTEST_SPLIT)
+    place = np.stack([split.column("sensor_id"), split.column("step")], axis=1)
+    _, first, group = np.unique(place, axis=0, return_index=True, return_inverse=True)
+    for name in _list_readings(data):
+        if not is_image(name) and np.any((values := split.column(name)) != values[first[group.ravel()]]):
+            return name
+    return None
 
 
 def _list_readings(data: Dataset) -> tuple[str, ...]:

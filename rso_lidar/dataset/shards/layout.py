@@ -45,7 +45,7 @@ class LabelledImage(Record):
     quaternion_xyzw: np.ndarray = array("quaternion", "f8", "1", "unit quaternion camera_from_target, w at least 0")
     target_pixels: np.ndarray = array("", "i4", "1", "pixels on the target")
     target_electrons: np.ndarray = array("", "f4", "1", "expected electrons of the pixels on the target, in all bands")
-    full_pixels: np.ndarray = array("", "i4", "1", "pixels at the greatest count, in any band")
+    full_pixels: np.ndarray = array("", "i4", "1", "pixels with a full well or the greatest count, in any band")
     box_px: np.ndarray = array(
         "edge", "i2", "1", "first row and column, last row and column of the pixels on the target; -1 where none is"
     )

@@ -362,7 +362,7 @@ def mirror_frame(frame: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 def _check_centred(frame: dict[str, np.ndarray]) -> None:
     """Refuse a frame whose boresight does not pass through the middle of a square array."""
     fx, fy, cx, cy = frame["intrinsics_px"].tolist()
-    shapes = {frame[name].shape for name in IMAGES if name in frame and not name.startswith("oversampled")}
+    shapes = {frame[name].shape[:2] for name in IMAGES if name in frame and not name.startswith("oversampled")}
     square = all(rows == cols for rows, cols in shapes)
     middle = all(abs(2.0 * c - (rows - 1)) < 2.0 * _CENTRED_PX for rows, _ in shapes for c in (cx, cy))
     if not square or not middle or abs(fx - fy) > 1e-9 * fx:

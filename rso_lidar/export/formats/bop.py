@@ -291,11 +291,10 @@ def _describe_keypoints(frame: Frame, number: int, labels: Labels | CameraLabels
 
     Those outside the image have zeros.
     """
-    targets = frame.source.targets
-    if labels.keypoint_px is None or labels.keypoint_visibility is None or not targets[number].keypoints:
+    has_keypoints = bool(frame.source.targets[number].keypoints)
+    if labels.keypoint_px is None or labels.keypoint_visibility is None or not has_keypoints:
         return {}
-    first = sum(len(target.keypoints) for target in targets[:number])
-    mine = slice(first, first + len(targets[number].keypoints))
+    mine = frame.source.find_keypoints(number)
     row_col = np.nan_to_num(labels.keypoint_px[mine])
     flat = np.column_stack([row_col[:, ::-1], labels.keypoint_visibility[mine]]).ravel()
     return {"keypoints": np.round(flat, 3).tolist()}

@@ -103,8 +103,8 @@ class Target(Body):
     keypoint_file: Text | None = Field(
         default=None,
         description=(
-            "Path of a .csv file of keypoints (name, x, y, z, part), in the unit and axes of the mesh file; not together "
-            "with `keypoint`."
+            "Path of a .csv file of keypoints (name, x, y, z, part), in the unit and axes of the mesh file, for a mesh that "
+            "`model` names by its path; not together with `keypoint`."
         ),
     )
     joint: tuple[Joint, ...] = Field(default=(), description="Hinges that turn some of the target's parts.")
@@ -146,6 +146,10 @@ class Target(Body):
             raise ValueError("give scale or size_m, not both")
         if self.keypoint is not None and self.keypoint_file is not None:
             raise ValueError("give keypoint or keypoint_file, not both")
+        if self.keypoint_file is not None and (self.model is None or not self.is_path):
+            raise ValueError(
+                "keypoint_file is for a mesh that model names by its path; give keypoint in body axes instead"
+            )
         names = [joint.name for joint in self.joint]
         if len(set(names)) < len(names):
             raise ValueError(f"joint: two have the same name ({', '.join(names)}); rename one")

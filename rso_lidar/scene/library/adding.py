@@ -117,6 +117,8 @@ def add_model(
     path = Path(path)
     _check_numbers(given)
     if is_cad(path):
+        if given.by_material:
+            raise MeshError(f"{path.name}: CAD files name no materials; give a table of facets (--facet-parts)")
         blob, unit_m = tessellate(path)
         suffix, kind = ".glb", f"tessellate to {CHORD_MM:g} mm from {path.name}"
         source = f"{kind}, SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()}"

@@ -312,12 +312,12 @@ def _apply_skin(
 
 
 def _name_material(document: GltfFile, table: Mapping[str, Any]) -> str:
-    """Return the name of the material of a primitive, such as ``material_2`` where it has none; empty without one."""
+    """Return the name of the material of a primitive with its words joined, or as ``material_2``; empty without one."""
     if "material" not in table:
         return ""
     number = document.count_of(table, "material")
     material = document.entry(document.list_of(document.tree, "materials"), number, "material")
-    return str(material.get("name") or f"material_{number}")
+    return "_".join(str(material.get("name") or "").split()) or f"material_{number}"
 
 
 def _read_colours(

@@ -62,10 +62,10 @@ class CameraPanel:
             value = self._band.value if self._band.value in options else next(iter(options))
             self._band.set_options(options, value=value)
 
-    def draw(self, frame: Frame, scheme: Scheme) -> bytes:
-        """Draw the image of the chosen camera as PNG."""
-        band, whole = str(self._band.value or ""), bool(self._whole.value)
-        return draw_camera_image(frame, self.camera, scheme, band=band, whole=whole)
+    def draw(self, frame: Frame, camera: str, scheme: Scheme) -> bytes:
+        """Draw the image of a camera as PNG, in the chosen band if it is the chosen camera."""
+        band, whole = str(self._band.value or "") if camera == self.camera else "", bool(self._whole.value)
+        return draw_camera_image(frame, camera, scheme, band=band, whole=whole)
 
     def show(self, frame: Frame, address: str) -> None:
         """Show an image that was drawn, at its address."""

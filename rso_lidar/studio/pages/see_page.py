@@ -378,7 +378,7 @@ class SeePage:
         elif shown == "image":
             await self._show_image(flight, row, frame)
         elif cameras:
-            png = await self._work(self.camera.draw, frame, self.scheme)
+            png = await self._work(self.camera.draw, frame, cameras[0], self.scheme)
             self.camera.show(frame, self._put("camera", png, "image/png"))
         self.note.text = self.note.text if self.problem.visible else ""
 

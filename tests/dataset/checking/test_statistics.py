@@ -37,6 +37,8 @@ def test_images_that_show_nothing_of_the_target_are_warned_of(paired):
     assert lines[table + 1][:2] == ["plate", "6"] and lines[table + 2][:2] == ["round", "6"]
     images = {"target_pixels": 100, "target_electrons": 1e4, "full_pixels": 49}
     count = len(statistics.columns["present"])
+    drawn = statistics.columns | {"camera.0.exposure_ms": np.linspace(1.0, 2.0, count)}  # a field, and no camera "0"
+    assert {*LabelStatistics(drawn, statistics.classes).cameras} == {"nav", "eye"}
     seen = statistics.columns | {f"camera.nav.{name}": np.full(count, value) for name, value in images.items()}
     assert not any("camera nav" in line for line in LabelStatistics(seen, statistics.classes).warn())
     dark = seen | {"camera.nav.target_electrons": np.full(count, 99.0)}

@@ -113,12 +113,12 @@ def test_a_sensor_is_kept_for_the_test(tmp_path):
         )
 
 
-def test_the_key_of_electrons_leaves_other_hashes(tmp_path):
+@pytest.mark.parametrize("key", ["camera_electrons", "keypoints", "normals"])
+def test_labels_that_are_not_asked_for_leave_the_hash(tmp_path, key):
     spec = make_spec(tmp_path)
-    assert "camera_electrons" in spec.dumps()
-    before, after = make_plan(spec), make_plan(spec.replace(labels={"camera_electrons": True}))
+    before, after = make_plan(spec), make_plan(spec.replace(labels={key: True}))
     own = spec.model_dump(exclude_none=True, exclude={"scenario", "set"})
-    del own["labels"]["camera_electrons"]  # the hash of versions that have no cameras in datasets
+    own["labels"] = {"prediction": True, "part_visibility": False, "oversampled": False}  # all that there were at first
     text = json.dumps([2, own, before.mesh_sha256, before.tables], sort_keys=True, default=str)
     assert before.sha256 == hashlib.sha256(text.encode()).hexdigest() != after.sha256
 
@@ -136,6 +136,14 @@ def test_cameras_of_another_sensor_are_refused(tmp_path, setting, error):
     spec = make_spec(tmp_path, set=(CAMERA,), sensor=[{"name": "near"}, {"name": "far", "set": [setting]}])
     with pytest.raises(rl.DatasetError, match=error):
         check_samples(make_plan(spec))
+
+
+@pytest.mark.parametrize("key", ["keypoint_file=points.csv", "facet_parts.file=parts.csv", "keypoint=[]"])
+def test_parts_and_keypoints_do_not_differ_from_class_to_class(tmp_path, key):
+    one = [{"name": "own", "samples": 4, "set": [f"target.0.{key}"]}]
+    name = key.split("=")[0].split(".")[0]
+    with pytest.raises(rl.DatasetError, match=f"classes: own: set: {name} cannot differ"):
+        make_plan(make_spec(tmp_path, classes=one))
 
 
 def test_models_by_taxonomy(tmp_path):

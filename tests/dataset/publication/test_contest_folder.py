@@ -112,6 +112,13 @@ def test_a_contest_that_gives_its_labels_away_is_refused(made, data, tmp_path):
     assert not (tmp_path / "public").exists() and not (made[0].folder / "contest_key.json").exists()
 
 
+def test_an_exposure_that_tells_which_frames_share_a_pose_is_refused(paired, tmp_path):
+    several = rl.dataset.open(paired[0].folder)
+    several.__dict__["spec"] = several.spec.replace(draws=2)
+    with pytest.raises(rl.DatasetError, match=r"camera\.nav\.exposure_s differs from sample to sample"):
+        contest_folder.write_contest(several, tmp_path / "public", Attribution())
+
+
 @pytest.mark.parametrize("text", ["", "[" * 4000, "{}", '{"secret": 3}', '{"secret": "AB"}'])
 def test_a_damaged_key_is_one_line(tmp_path, text):
     (tmp_path / "contest_key.json").write_text(text)

@@ -148,6 +148,9 @@ def test_turns_are_random_and_need_a_centred_square():
     frame = make_frame()
     first = {tuple(QuarterTurns()(dict(frame), np.random.default_rng(k))["box_px"].tolist()) for k in range(20)}
     assert len(first) == 4
+    steep = frame | {"normal": np.tile(np.array([0.6, 0.0, -0.8], np.float32), (*frame["range_m"].shape, 1))}
+    sides = {tuple(QuarterTurns()(dict(steep), np.random.default_rng(k))["normal"][0, 0].tolist()) for k in range(20)}
+    assert len(sides) == 4
     beside = frame | {"intrinsics_px": np.array([F_PX, F_PX, 15.5, 14.0])}
     with pytest.raises(rl.DatasetError, match="square array about the boresight"):
         QuarterTurns()(beside, np.random.default_rng(0))

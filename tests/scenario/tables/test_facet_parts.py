@@ -65,3 +65,11 @@ def test_a_wrong_use_is_one_line(folder, old, new, line):
     with pytest.raises(rl.RsoLidarError, match=line) as caught:
         _ = rl.Scenario.load(folder / "scene.toml").surfaces
     assert "\n" not in str(caught.value)
+
+
+def test_a_table_of_keypoints_is_for_a_mesh_by_its_path(folder):
+    text = SCENE.replace('facet_parts = { file = "parts.csv" }', 'keypoint_file = "parts.csv"').replace(
+        '"box.stl"', '"tdrs"'
+    )
+    with pytest.raises(rl.ScenarioError, match="keypoint_file is for a mesh that model names by its path"):
+        rl.Scenario.loads(text)
