@@ -20,7 +20,9 @@ from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD
 from rso_lidar.scene.surfaces.surface import Surface
 
 _GOLDEN_RAD = np.pi * (3.0 - np.sqrt(5.0))
-_RIM, _RIM_POINTS = 0.97, 6  # over the Sun's radius: where hits in a penumbra are told from others
+# Radius over the Sun's, and number, of the points that tell hits in a penumbra from others. Between two of them a straight
+# edge may hide up to 4 % of the disc unseen. These are choices of sampling, as the number of points on the disc.
+_RIM, _RIM_POINTS = 0.97, 6
 _LEAST_COSINE = 0.01  # of the Sun's incidence: nearer to the surface, penumbrae are taken to be no wider
 _LEAST_WIDTH = 0.5  # of the way between rays, on each side of an edge: rays do not resolve narrower penumbrae
 _DISC_POINTS = 24  # of a hit in a penumbra; each hit turns them, so that those of a pixel do not err alike

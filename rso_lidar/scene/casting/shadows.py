@@ -25,7 +25,7 @@ def find_shadowed(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_
 
     Returns
     -------
-    (hit) whether it is in shadow; False for hits that are not tested.
+    Numbers of the hits in shadow (shadowed), ascending.
     """
     left_m = np.where(asked, reach_m, 0.0)
     _cut_hit_rays(left_m, hits, toward, engine().occluded)
