@@ -10,6 +10,7 @@ import pytest
 from rso_lidar import export
 from rso_lidar.cli.info import follow_recording
 from rso_lidar.errors import RunError
+from rso_lidar.files import is_locked
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows renames no open file and has no SIGKILL")
 
@@ -28,7 +29,7 @@ def fly(bench, tmp_path):
         settings = ["--set", f"time.duration_s={seconds}", "--set", "lidar.receiver.n_rows=8", "--threads", "1"]
         command = [sys.executable, "-m", "rso_lidar", "run", str(bench), "-o", str(tmp_path / "run.h5"), *settings]
         flying.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
-        while not any(entry.name.startswith(".run.h5.tmp-") for entry in tmp_path.iterdir()):  # its lock
+        while not any(is_locked(lock) for lock in tmp_path.glob(".run.h5.tmp-*.lock")):
             assert flying[-1].poll() is None, "it ended before it began to record"
             time.sleep(0.01)
         return flying[-1]

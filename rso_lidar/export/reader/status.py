@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from rso_lidar.files import is_locked
 from rso_lidar.records import Source
 
 _LOCK = re.compile(r"^\.(.+)\.lock$")
+_BEGIN_S = 0.1  # longer than a run takes from making its lock file to holding it
 
 
 @dataclass(frozen=True)
@@ -65,9 +67,12 @@ def read_status(path: Path) -> RecordingStatus:
     locks = {match[1] for name in names if (match := _LOCK.match(name))}
     temporary = {name for name in (*names, *locks) if name.startswith(f"{output.name}.tmp-") and TEMPORARY.search(name)}
     ours = [path.with_name(name) for name in temporary if not name.endswith(".starting") and named in (None, name)]
-    for file in sorted(ours):
-        if file.name in locks and is_locked(file.with_name(f".{file.name}.lock")):
-            return _read_file_status(output, file, running=True)
+    running = _find_locked(ours, locks)
+    if running is None and not output.exists() and any(file.name in locks for file in ours):
+        time.sleep(_BEGIN_S)
+        running = _find_locked(ours, locks)
+    if running is not None:
+        return _read_file_status(output, running, running=True)
     if output.exists():
         return _read_file_status(output, output, running=False)
     left = sorted((file for file in ours if file.exists()), key=lambda file: file.stat().st_mtime_ns)
@@ -76,6 +81,14 @@ def read_status(path: Path) -> RecordingStatus:
         return _read_file_status(output, left[-1], running=unknown)
     Recording(path).close()  # which says what is wrong
     raise RecordingError(f"{path}: was taken away while it was looked at; look again")
+
+
+def _find_locked(files: list[Path], locks: set[str]) -> Path | None:
+    """Return the first of the files whose lock a process holds."""
+    for file in sorted(files):
+        if file.name in locks and is_locked(file.with_name(f".{file.name}.lock")):
+            return file
+    return None
 
 
 def _read_file_status(output: Path, file: Path, *, running: bool) -> RecordingStatus:

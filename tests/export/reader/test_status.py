@@ -1,5 +1,6 @@
 """A recording seen from beside: while it grows, when its writer is killed, and when it is complete."""
 
+import contextlib
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from frames_for_tests import SOURCE, leave_unfinished, make_frame, make_frames
 from rso_lidar import export
 from rso_lidar.errors import RecordingError
 from rso_lidar.export import read_status
+from rso_lidar.files import hold_lock
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows renames no open file and has no SIGKILL")
 
@@ -53,6 +55,19 @@ def one_more(child):
     child.stdin.write("\n")
     child.stdin.flush()
     return int(child.stdout.readline())
+
+
+def test_a_run_that_does_not_hold_its_lock_yet(monkeypatch, tmp_path):
+    lock = tmp_path / ".run.h5.tmp-1a2b3c4d.lock"
+    lock.touch()
+    with contextlib.ExitStack() as run:
+        monkeypatch.setattr("time.sleep", lambda seconds: run.enter_context(hold_lock(lock)))  # while the reader waits
+        seen = read_status(tmp_path / "run.h5")
+    assert (seen.running, seen.complete, seen.frames, seen.source) == (True, False, 0, None)
+    lock.touch()  # as a killed run leaves it
+    monkeypatch.undo()
+    with pytest.raises(RecordingError, match="there is no such file"):
+        read_status(tmp_path / "run.h5")
 
 
 @pytest.mark.slow
