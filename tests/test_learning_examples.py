@@ -11,8 +11,8 @@ import rso_lidar as rl
 
 LEARNING = Path(__file__).resolve().parents[1] / "examples" / "learning"
 WITHOUT_TORCH = (
-    "arguments", "frames", "gap", "images", "noise", "parts_by_place", "predictions", "presence", "sensors", "shape",
-    "study",
+    "arguments", "frames", "gap", "images", "noise", "parts_by_place", "pose_tables", "predictions", "presence",
+    "sensors", "shape", "study",
 )  # fmt: skip
 WITH_TORCH = ("pytorch", "networks", "training", "resnet", "pose", "parts", "super_resolution", "explain", "benchmark")
 SPEC = """
@@ -133,6 +133,29 @@ def test_rotation_loss_is_blind_to_a_symmetry(learning):
     assert loss(found, wanted, group, whole)[0].tolist() == pytest.approx([4.0 * (1.0 - np.cos(1.2)), 0.0], abs=1e-12)
 
 
+def test_range_by_a_camera_follows_from_the_size_of_its_points_in_metres(learning):
+    pose, rng = learning["pose"], np.random.default_rng(4)
+    position_m = np.array([[3.0, -2.0, 200.0], [30.0, -12.0, 1600.0]])
+    craft_m = rng.uniform(-4.0, 4.0, (300, 3)) * [1.0, 1.0, 0.0]
+    craft_m += [1.0, 0.5, 0.0] - craft_m.mean(axis=0)
+    seen = position_m[:, None] + craft_m
+    points = 1000.0 * seen / np.linalg.norm(seen, axis=-1, keepdims=True)
+    camera = learning["frames"].Returns(
+        start=np.array([0, 300, 600]), point_m=points.reshape(-1, 3), pixel=np.zeros((600, 2), int),
+        intensity=np.ones(600), reports=np.array([300, 300]), columns={},
+    )  # fmt: skip
+    sight = pose.Sight(None, camera, position_m, np.stack([np.eye(3)] * 2))
+    cloud, middle, unit = sight.clouds(np.arange(2), rng)
+    code = sight.encode(np.arange(2), middle, unit)
+    rms_m = np.sqrt(craft_m.var(axis=0).sum())
+    assert code[:, 2] == pytest.approx(np.log(rms_m / 10.0), abs=1e-3)  # the same at both ranges
+    assert code[:, :2] == pytest.approx(np.tile([-1.0, -0.5] / rms_m, (2, 1)), abs=1e-2)
+    assert np.square(cloud[..., :3]).sum(axis=2).mean(axis=1) == pytest.approx(
+        [1.0, 1.0], rel=0.15
+    )  # 128 random points of 300
+    assert sight.decode(code, middle, unit) == pytest.approx(position_m, rel=1e-4)  # a pixel is 2e-4 rad
+
+
 def test_icp_takes_the_guess_that_fits(learning, folder):
     from scipy.spatial.transform import Rotation
 
@@ -201,6 +224,16 @@ def test_the_benchmark_sees_with_both_sensors(learning, tmp_path, monkeypatch, c
     learning["sensors"].main()
     assert "100 reporting pixels or more" in capsys.readouterr().out
     assert (tmp_path / "x.png").stat().st_size > 10_000
+    for sensor in ("camera", "both"):
+        monkeypatch.setattr(
+            sys, "argv", ["pose", str(folder), "--sensor", sensor, "--epochs", "1", "--no-icp", "-o", f"{sensor}.npz"]
+        )
+        learning["pose"].main()
+    asked = ["--camera", "camera_before_icp.npz", "--both", "both_before_icp.npz"]
+    monkeypatch.setattr(sys, "argv", ["pose_tables", str(folder), *asked])
+    capsys.readouterr()
+    learning["pose_tables"].main()
+    assert "both, 1 runs" in capsys.readouterr().out
 
 
 def test_metric_crops_place_returns_in_metres(learning, folder):

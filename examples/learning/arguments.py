@@ -54,6 +54,7 @@ def parse(
     draws: bool = False,
     runs: bool = False,
     sensors: tuple[str, ...] = (),
+    also: bool = True,
 ) -> argparse.Namespace:
     """Read the arguments of a baseline.
 
@@ -64,7 +65,8 @@ def parse(
     flags : names of further switches.
     draws : whether there is an option for the number of noise draws.
     runs : whether there is an option for the number of trainings.
-    sensors : names to choose from, for a baseline of the benchmark, which also predicts other datasets.
+    sensors : names to choose from, for a baseline of the benchmark.
+    also : whether a baseline with `sensors` predicts other datasets, too, and takes crops if it has epochs.
     """
     parser = argparse.ArgumentParser(description=what, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", help="folder that `rso-lidar dataset make` wrote")
@@ -85,10 +87,11 @@ def parse(
         parser.add_argument("--runs", type=_positive, default=1, help="number of trainings, with seeds from --seed on")
     if sensors:
         parser.add_argument("--sensor", choices=sensors, default=sensors[0], help="what the frames are seen with")
+    if sensors and also:
         parser.add_argument(
             "--also", action="append", default=[], metavar="FOLDER", help="predict the test of this dataset, too"
         )
-    if sensors and epochs:
+    if sensors and also and epochs:
         parser.add_argument("--size", type=int, choices=(32, 64), default=64, help="rows and columns of a crop")
         parser.add_argument(
             "--width", type=_positive, default=16, help="channels of the first stage of ResNet-18; the original has 64"

@@ -134,3 +134,20 @@ def load_bright_points(
         reports=count,
         columns=columns,
     )
+
+
+def load_camera_poses(folder: str, split: str, camera: str, most: int | None = None) -> dict[str, np.ndarray]:
+    """Load `position_m` (frame, 3) and `quaternion_xyzw` (frame, 4) of the target in the axes of a camera.
+
+    Parameters
+    ----------
+    folder : of the dataset.
+    split : its name.
+    camera : its name.
+    most : as for `load_returns`, whose frames these are.
+    """
+    part, _ = open_images(folder, split, camera)
+    taken = choose_frames(part, most, None)
+    return {
+        name: np.asarray(part.column(f"camera.{camera}.{name}"))[taken] for name in ("position_m", "quaternion_xyzw")
+    }
