@@ -142,7 +142,7 @@ def test_range_by_a_camera_follows_from_the_size_of_its_points_in_metres(learnin
     points = 1000.0 * seen / np.linalg.norm(seen, axis=-1, keepdims=True)
     camera = learning["frames"].Returns(
         start=np.array([0, 300, 600]), point_m=points.reshape(-1, 3), pixel=np.zeros((600, 2), int),
-        intensity=np.ones(600), reports=np.array([300, 300]), columns={},
+        intensity=np.ones(600), reports=np.array([300, 300]), columns={"class_id": np.zeros(2, int)},
     )  # fmt: skip
     sight = pose.Sight(None, camera, position_m, np.stack([np.eye(3)] * 2))
     cloud, middle, unit = sight.clouds(np.arange(2), rng)
@@ -153,7 +153,9 @@ def test_range_by_a_camera_follows_from_the_size_of_its_points_in_metres(learnin
     assert np.square(cloud[..., :3]).sum(axis=2).mean(axis=1) == pytest.approx(
         [1.0, 1.0], rel=0.15
     )  # 128 random points of 300
-    assert sight.decode(code, middle, unit) == pytest.approx(position_m, rel=1e-4)  # a pixel is 2e-4 rad
+    assert sight.decode(code, middle, unit) == pytest.approx(position_m, abs=0.01)  # points at one range are a sphere
+    astray_m = position_m + [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]]  # the points of the second frame are clutter
+    assert pose.Sight(None, camera, astray_m, sight.rotation).is_craft().tolist() == [True, False]
 
 
 def test_icp_takes_the_guess_that_fits(learning, folder):

@@ -41,6 +41,7 @@ POINTS, GUESSES = 128, 4
 ICP_POINTS = 600
 SIZE_M = 10.0  # a craft of this size has coordinates of about 1
 NOMINAL_M = 1000.0  # range at which the bright pixels of a camera are put
+FARTHEST = 4.0  # units from the mean of the points to the origin of a craft; farther, the points are another body's
 SMALLEST_RAD = 2e-5  # least rms radius of a group in an image: a tenth of a pixel
 
 
@@ -113,6 +114,19 @@ class Sight:
         times = np.linalg.norm(position, axis=1) / NOMINAL_M
         out = (position / times[:, None] - middle) / unit[:, None]
         out[:, 2] = np.log(times * unit / SIZE_M)
+        return out
+
+    def is_craft(self) -> np.ndarray:
+        """Return the frames (n) whose points are those of the craft, not those of clutter or noise, by its true position."""
+        out = np.zeros(len(self.returns), bool)
+        for k in np.flatnonzero(self.returns.has_craft):
+            off = self.returns.point_m[self.returns.of(k)].astype(float)
+            position = self.position_m[k]
+            if self.lidar is None:
+                position = position * NOMINAL_M / np.linalg.norm(position)
+            away = np.linalg.norm(off.mean(axis=0) - position)
+            size = SIZE_M if self.lidar is not None else max(np.sqrt(off.var(axis=0).sum()), SMALLEST_RAD * NOMINAL_M)
+            out[k] = away < FARTHEST * size
         return out
 
     def decode(self, code: np.ndarray, middle: np.ndarray, unit: np.ndarray) -> np.ndarray:
@@ -215,7 +229,7 @@ def train(sight: Sight, symmetries: Any, epochs: int, seed: int) -> PoseNetwork:
     """
     returns, network = sight.returns, PoseNetwork(len(symmetries), sight.features)
     group, projection = symmetry_matrices(symmetries)
-    to_train, held_out = divide(returns, seed, returns.has_craft)
+    to_train, held_out = divide(returns, seed, sight.is_craft())
     model = torch.as_tensor(returns.columns["model_id"].astype(np.int64))
 
     def loss(frames: np.ndarray, rng: np.random.Generator, turn: bool = True) -> torch.Tensor:
