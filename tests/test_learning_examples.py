@@ -154,7 +154,7 @@ def test_range_by_a_camera_follows_from_the_size_of_its_points_in_metres(learnin
         [1.0, 1.0], rel=0.15
     )  # 128 random points of 300
     assert sight.decode(code, middle, unit) == pytest.approx(position_m, abs=0.01)  # points at one range are a sphere
-    astray_m = position_m + [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]]  # the points of the second frame are clutter
+    astray_m = position_m + np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]])  # the points of the second frame are clutter
     assert pose.Sight(None, camera, astray_m, sight.rotation).is_craft().tolist() == [True, False]
 
 
