@@ -385,7 +385,6 @@ def main() -> None:
     data, path = rl.dataset.open(options.dataset), Path(options.output)
     sight, returns = load_sight(options.dataset, "train", options.sensor, options.most)
     asked, test = load_sight(options.dataset, "test", options.sensor, options.most)
-    mount = find_mount(sight, returns)
     class_of = np.zeros((len(data.models), len(data.classes)), np.float32)
     known = returns.columns["class_id"] >= 0
     class_of[returns.columns["model_id"][known], returns.columns["class_id"][known]] = 1.0
@@ -394,6 +393,7 @@ def main() -> None:
         torch.manual_seed(seed)
         network = train(sight, data.symmetries, options.epochs, seed)
         probability, rotations, origin = predict(network, asked)
+        mount = find_mount(sight, returns)
         rotations, origin = mount.rotation.as_matrix() @ rotations, mount.apply(origin)
         scores = probability @ class_of
         print(accuracy(test, scores))
