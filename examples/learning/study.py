@@ -30,7 +30,13 @@ def load_scores(path: str, truth: dict[str, np.ndarray], name: str = "scores") -
     """
     if not Path(path).is_file():
         raise DatasetError(f"{path}: no such file: write it with a baseline first")
-    with np.load(path) as file:
+    try:
+        predictions = np.load(path, allow_pickle=False)
+    except (ValueError, OSError):
+        predictions = None
+    if not isinstance(predictions, np.lib.npyio.NpzFile):
+        raise DatasetError(f"{path}: is no NPZ of predictions: write it with a baseline first")
+    with predictions as file:
         if name not in file:
             raise DatasetError(f"{path}: has no {name}: give a file of a baseline that predicts it")
         rows = {key: k for k, key in enumerate(zip(*(file[name].tolist() for name in COLUMNS[:3]), strict=True))}
