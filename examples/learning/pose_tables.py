@@ -5,16 +5,14 @@ predictions of pose.py, one file for each seed. Rotation errors are the least ov
 a wrong model counts with the error that it has, as in `rso-lidar dataset score`.
 """
 
-import argparse
 from itertools import pairwise
 
 import numpy as np
 from arguments import run
-from sensors import ANGLES_DEG, RANGES_M, SENSORS, find_sun_angle_deg
+from sensors import ANGLES_DEG, RANGES_M, begin_parser, find_sun_angle_deg, list_files
 from study import COLUMNS, load_scores
 
 import rso_lidar as rl
-from rso_lidar.errors import DatasetError
 from rso_lidar.records import rotation_error_rad
 from rso_lidar.units import DEG
 
@@ -58,16 +56,8 @@ def summarise(errors: dict[str, np.ndarray], some: np.ndarray) -> list[float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("dataset", help="folder that `rso-lidar dataset make` wrote")
-    for sensor in SENSORS:
-        parser.add_argument(
-            f"--{sensor}", nargs="+", default=[], metavar="FILE", help="predictions, a file for each seed"
-        )
-    options = parser.parse_args()
-    files = {sensor: getattr(options, sensor) for sensor in SENSORS if getattr(options, sensor)}
-    if not files:
-        raise DatasetError("pose_tables.py: no predictions: give --lidar, --camera or --both")
+    options = begin_parser(__doc__).parse_args()
+    files = list_files(options)
     data = rl.dataset.open(options.dataset)
     split = data.split("test")
     columns = (*COLUMNS, "model_id", "range_to_target_m", "sun_direction", "position_m", "quaternion_xyzw")

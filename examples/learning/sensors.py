@@ -105,18 +105,35 @@ def draw(
     save_figure(figure, path)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def begin_parser(what: str) -> argparse.ArgumentParser:
+    """Return a parser for a dataset and the predictions by each sensor.
+
+    Parameters
+    ----------
+    what : the docstring of the script.
+    """
+    parser = argparse.ArgumentParser(description=what, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", help="folder that `rso-lidar dataset make` wrote")
     for sensor in SENSORS:
         parser.add_argument(
             f"--{sensor}", nargs="+", default=[], metavar="FILE", help="predictions, a file for each seed"
         )
-    parser.add_argument("-o", "--output", help="picture; none if omitted")
-    options = parser.parse_args()
+    return parser
+
+
+def list_files(options: argparse.Namespace) -> dict[str, list[str]]:
+    """Return the files of predictions by sensor."""
     files = {sensor: getattr(options, sensor) for sensor in SENSORS if getattr(options, sensor)}
     if not files:
-        raise DatasetError("sensors.py: no predictions: give --lidar, --camera or --both")
+        raise DatasetError("predictions: none are given: give --lidar, --camera or --both")
+    return files
+
+
+def main() -> None:
+    parser = begin_parser(__doc__)
+    parser.add_argument("-o", "--output", help="picture; none if omitted")
+    options = parser.parse_args()
+    files = list_files(options)
     split = rl.dataset.open(options.dataset).split("test")
     columns = (*COLUMNS, "range_to_target_m", "sun_direction", "position_m")
     truth = {name: np.asarray(split.column(name)) for name in columns}
